@@ -20,7 +20,7 @@ NARROWEST = 1e-7  # relative width of the grid about a pole without damping
 WIDEST = 0.5
 ROUNDS = 40
 CLOSE = 1e-11  # relative accuracy of a frequency
-NOTHING = 1e-12  # relative to the magnitude nearby: remainder at a zero on the imaginary axis
+NOTHING = 1e-12  # relative to the magnitude nearby: rounding of the response, at a zero on the imaginary axis
 DOUBLED = 30.0  # growth of the magnitude at a hundredth of the distance that shows an infinite peak
 FLAT = 1e-9  # relative height below which there is no peak
 

@@ -18,7 +18,7 @@ import numpy as np
 from compiler.api import Array, Leaf
 
 from ..errors import RunFailed, UsageError
-from ..numerics.scales import nonzero
+from ..numerics.scales import EPS, nonzero
 from ..rendering import Summarised
 from ..results.json_values import as_json, finite, head, named, with_units
 from .linear import Linearization, linearization
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 SCHEMA = "bondgraph-sensitivity/1"
 SINGULAR = 1e-11  # relative to the largest singular value
 LOST = 1e-9  # relative to the effect of a parameter: part that no state can balance
-NEAR = 1e-6  # relative distance of two eigenvalues that count as equal
+NEAR = 64 * math.sqrt(EPS)  # relative distance of two equal eigenvalues: rounding parts a double one by its root
 SEPARATE = 1e3  # condition number of an eigenvalue among equal ones: more where vectors nearly coincide
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from compiler.api import Array, BoolArray, IntArray, Tape
 
-FAR, NEAR, CLOSEST = 1e-6, 1e-10, 1e-11  # distances from the point, in sizes of the states
+# Distances from the point, in sizes of the states: differences over the least have five digits, and a power law of the farthest differs.
+FAR, NEAR, CLOSEST = 1e-6, 1e-10, 1e-11
 GROWTH = 1.5  # of a slope from the farther to the nearer distance: a power law of exponent 0.95 grows by 1.6
 ROUNDING = 1e-8  # of the largest slope: smaller ones may grow by rounding
 SAME = 1e-4  # relative difference of slopes that are one

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 PARTS = 61
 TIGHTEST = 1e-12  # for another method
-NEAR = 1e-9  # fraction of the run: an instant this near to an event may belong to either side of it
+NEAR = 1e-9  # fraction of the run: an instant this near to an event, reported with ten digits, may belong to either side of it
 
 
 def simulate(model: CompiledModel, request: RunRequest, start: Result | None = None) -> Result:

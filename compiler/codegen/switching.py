@@ -39,8 +39,9 @@ from .lowered import Lowered
 from .program import ConditionNote
 
 HALF = Number(0.5)
-FEW_KNOTS = 32  # of a table: each has a kink function of its own
+FEW_KNOTS = 32  # of a table: each has a kink function of its own; more would cost more than its law
 # What a knot may be off the line between its neighbours: of the range of its table, and of that of the three, unless it is rounding of the largest value.
+# A smaller one is no step or spike, but the bend of a smooth curve, which the error of a step shows.
 ROUGH, ROUGH_HERE, ROUNDED = 1e-4, 0.1, 1e-12
 MOST_PIECES = 8  # of a function of time that is affine in pieces
 

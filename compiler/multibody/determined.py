@@ -22,7 +22,7 @@ from .recursion import PLACES, Recursion
 from .values import SampleValues
 from .vectors import UNIT
 
-NOTHING = 1e-13  # relative to the inertia with the joints outwards fixed
+NOTHING = 1e-13  # relative to the inertia with the joints outwards fixed: rounding of some hundred products
 Square = list[list[float]]
 Place = tuple[int, int]  # a link, and the number of one of its coordinates
 

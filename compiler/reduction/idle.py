@@ -11,7 +11,7 @@ from .slopes import slopes_at_start
 from .state_space import StateSpace
 
 DEPENDENT = 1e-9  # of its own diagonal: a pivot of a constraint that follows from others
-NOTHING = 1e-13  # share of its own inertias in a coordinate's motion
+NOTHING = 1e-13  # share of its own inertias in a coordinate's motion: rounding of some hundred products
 LARGEST = 150  # multipliers and balances that are looked at; else a run shows it
 
 Matrix = list[list[float]]

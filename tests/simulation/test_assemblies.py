@@ -206,6 +206,20 @@ def test_rates_that_no_pose_allows_are_refused() -> None:
         bondgraph.load(text).simulate("go", places, target="numpy")
 
 
+@pytest.mark.parametrize(("rate", "length"), [(1e-17, 1e-6), (1e12, 1.0)])
+def test_rates_have_no_size_of_their_own(rate: float, length: float) -> None:
+    """Contradictions are refused, and what follows follows, however slow or fast: of a loop, and of a pendulum beside it."""
+    places = {k: length * v for k, v in {"Ax": 0, "Ay": 0, "Bx": 0.1, "By": 0.3, "Cx": 0.8, "Cy": 0.9, "Dx": 1.1, "Dy": 0}.items()}  # fmt: skip
+    beside = "    body z { mass = 1 kg, inertia = 1 [kg*m^2], at = (1 m, 0), start y.v = %r [m/s] }\n    hinge y : ground to z { at = (0, 0), start phi.omega = %r [1/s] }\n  }\n"  # fmt: skip
+    text = FOUR_BAR.text(f"a {rate!r}").replace("  }\n", beside % (rate, rate), 1).replace("output ", "output slow = e.d.phi.omega, z = e.y.phi, ")  # fmt: skip
+    text = text.replace("0 .. 1 us", f"0 .. {1e-9 / max(rate, 1.0)!r} s")
+    slow = bondgraph.load(text).simulate("go", places, target="numpy")["slow"][0]
+    assert slow / rate == pytest.approx(5 / 27, rel=1e-12)
+    for other in (FOUR_BAR.text(f"a {rate!r},d {9 * rate!r}"), text.replace(f"y.v = {rate!r}", f"y.v = {2 * rate!r}")):
+        with pytest.raises(RunFailed, match="cannot hold together"):
+            bondgraph.load(other).simulate("go", places, target="numpy")
+
+
 # ---------------------------------------------------------------- singular drawings
 def test_a_flat_drawing_says_nothing_about_the_branch() -> None:
     """A parallelogram with all bars in line: the rocker could follow or cross."""

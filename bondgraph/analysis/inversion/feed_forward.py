@@ -19,7 +19,7 @@ from ...results.json_values import arrays_with_units, entries, head, with_units
 from .drives import Drive
 
 SCHEMA = "bondgraph-feed-forward/1"
-NEAR = 1e-12  # relative to the largest of its unit: difference of a start that equals the model's own
+NEAR = 1e-12  # relative to the largest of its unit: rounding of a rest, as of a rate in its search; such a start is the model's own
 MOST_ROWS = 10_000  # most rows of a file of columns
 
 

@@ -18,13 +18,14 @@ from .steady import CANCELLED, SHARE, drivers, given_terms, unread_states
 
 LARGEST = 1e100  # states beyond it have no equilibrium
 SINGULAR = 1e-12  # relative to the largest singular value
-VECTORS = 0.1  # in units of the error of a row: error of the components of a singular vector
+VECTORS = 0.1  # in units of the error of a row, which has `NULL_ENTRIES` n roundings: a component of a singular vector has some n
 CLOSE = 1e-9  # size of the last correction, relative to the magnitude of a state
 ROUNDING = 1e-12  # relative to the terms in a rate: a smaller rate is rounding where they cancel
 RESTING = 1e-8  # relative to the terms in a rate: a larger rate is a motion
 FIRST = 0.1  # of the time in which the first rates reach a magnitude: without restoring forces eigenvalues give no time
-BALANCED = 1e-10  # relative to the rates of the start: what a state far away has to leave of them
-NOTHING = 1e-40  # relative to the magnitude of a state: zero
+# Relative to the rates of the start: what a state far away leaves of them at most, a hundred times the error of the vectors that combine them.
+BALANCED = 100 * SINGULAR
+NOTHING = 1e-40  # relative to the magnitude of a state: zero, far below the squared rounding that Newton's method leaves of one
 STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motion is none
 FAR = 1e9  # rad: an angle that something must restore
 ALIKE = 0.1  # relative: a change of rates that is as derivatives say
@@ -48,12 +49,14 @@ class EquilibriumSearch:
         self.terms: Any = None  # sizes of the terms in the derivatives at the current state
         # magnitudes, rates and terms of loop unknowns of the start, (n,) each, if there is a search
         self.begun: Any = None
+        self.drag = np.zeros(self.count)  # 1/s, on speeds
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
     def group(self, units: Sequence[str]) -> None:
-        """Set the groups of states of one unit, and which are angles: those without a unit, unless no state has one."""
+        """Set the groups of states of one unit, which are speeds, coordinates, and angles: those without a unit, unless no state has one."""
         self.kind = group_numbers(units)
         self.dimensional = np.array([unit != "1" for unit in units], dtype=bool)
+        self.speeds, self.positions = np.isin(units, ("m/s", "1/s")), np.isin(units, ("m", "1"))
         self.turns = ~self.dimensional & ("1/s" in units)
 
     def at(self, full: Array) -> tuple[Any, Any, Any]:
@@ -73,6 +76,7 @@ class EquilibriumSearch:
             followed = np.linalg.solve(whole[n:, n:], whole[n:, :n])
             jacobian -= whole[:n, n:] @ followed
             self.terms += np.abs(whole[:n, n:]) @ np.abs(followed)
+        jacobian -= np.diag(self.drag)
         jacobian[self.unread] = self.terms[self.unread] = 0.0
         self.largest = np.maximum(self.largest, np.abs(full[:n]))
         return full, slope, jacobian
@@ -84,6 +88,7 @@ class EquilibriumSearch:
     def rates(self, full: Array) -> Any:
         """Return the rates of the states (n,), zero for those that nothing reads."""
         slope = np.array(self.program.derivative(self.time, full, *self.fixed))[: self.count]
+        slope -= self.drag * full[: self.count]
         slope[self.unread] = 0.0
         return slope
 
@@ -318,5 +323,5 @@ class EquilibriumSearch:
         worst = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
         return RunFailed(
             "BR755", f"no equilibrium was found: the rate of `{self.names[worst]}` does not vanish (now {slope[worst]:.6g}); {self.drivers(worst)}; does "
-            "something drive the model for ever, or is it unstable there?",
+            "something drive the model for ever, is it unstable there, or does rounding of large terms hide what restores it?",
         )  # fmt: skip

@@ -9,6 +9,7 @@ the model rotates steadily (a running motor). Any other state that does not come
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,41 @@ def equilibrium(program: Program, constraints: Constraints, inputs: Array, state
 
 @np.errstate(all="ignore")  # a trial may lead to where a law has no value
 def found_by(search: EquilibriumSearch, state: Array) -> Any:
-    """Return the equilibrium that a given search reaches from a state. Raises `RunFailed`."""
+    """Return the equilibrium that a given search reaches from a state. Raises `RunFailed`.
+
+    Steps keep no momentum that depends on the pose, as of a cart with a pendulum on a free rail. So where a mechanism that starts without motion
+    would go on for ever, a search with a drag on its speeds follows: its rests without motion are the same.
+    """
+    again, found, failed = copy(search), None, None
+    try:
+        found = _found(search, state)
+    except RunFailed as error:
+        failed = error
+    still = search.speeds.any() and not np.array(state)[: search.count][~search.positions].any()
+    if still and (found is None or drifts(search, found)):
+        found = _slowed(again, state, found)
+    if found is None and failed is not None:
+        raise failed
+    return found
+
+
+def _slowed(search: EquilibriumSearch, state: Array, otherwise: Any) -> Any:
+    """Return the rest that is reached with a drag on all speeds, with free coordinates as at the start; `otherwise` if there is none."""
+    try:
+        search.drag = search.speeds * search.fastest(search.at(np.array(state))[2])
+        slowed = _found(search, state)
+        search.drag = np.zeros(search.count)
+        x, slope, jacobian = search.at(slowed)
+        if search.close(x, slope, jacobian):
+            rest = search.rested(search.polished(x, slope, jacobian))
+            return otherwise if drifts(search, rest) else held_at_start(search, state, rest)
+    except (RunFailed, np.linalg.LinAlgError):
+        pass
+    return otherwise
+
+
+def _found(search: EquilibriumSearch, state: Array) -> Any:
+    """Return the equilibrium that a search reaches from a state. Raises `RunFailed`."""
     count = search.count
     x, slope, jacobian = search.at(np.array(state))
     if not np.isfinite(slope).all():
@@ -98,7 +133,8 @@ def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:
         x, slope, jacobian = search.at(back)
         if np.isfinite(slope).all() and search.close(x, slope, jacobian):
             nearer = search.rested(search.polished(x, slope, jacobian))
-            if np.allclose(nearer[places], start[places], rtol=KEPT, atol=0.0):
+            size = np.maximum(np.abs(start[: search.count]), search.scale(np.zeros(search.count)))[places]
+            if (np.abs(nearer - start)[places] <= KEPT * size).all():
                 return nearer
     except (RunFailed, np.linalg.LinAlgError):
         pass
@@ -108,6 +144,19 @@ def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:
 def free_coordinates(search: EquilibriumSearch, rest: Array) -> Any:
     """Return a mask (n,) of the states that move along a family of rests which no conserved sum tells apart: null vectors v and w of the derivatives
     with w'v = 0."""
+    return _moving_along(search, rest, True)
+
+
+def drifts(search: EquilibriumSearch, rest: Array) -> bool:
+    """Return True if something moves at a rest, along a motion that nothing drives, slows or stops."""
+    if search.count > LARGEST:
+        return False
+    speeds = search.speeds & (np.abs(rest[: search.count]) > MOVED * search.scale(np.zeros(search.count)))
+    return bool(speeds.any() and (_moving_along(search, rest, False) & speeds).any())
+
+
+def _moving_along(search: EquilibriumSearch, rest: Array, untied: bool) -> Any:
+    """Return a mask (n,) of the states that move along a family of rests; `untied`: of those that no conserved sum tells apart."""
     jacobian = search.derivatives_with_terms(rest)
     if jacobian is None:
         return np.zeros(search.count, dtype=bool)
@@ -116,10 +165,12 @@ def free_coordinates(search: EquilibriumSearch, rest: Array) -> Any:
     lengths = 1.0 / np.abs(basis / size[:, None]).max(axis=0)  # of one magnitude each
     inner, terms = basis.T @ jacobian @ basis, np.abs(basis).T @ search.terms @ np.abs(basis)
     left, right = search.null_spaces(inner * lengths, terms * lengths)
-    sums = left * lengths[:, None]  # of magnitudes, like the directions
-    tied = (sums / np.abs(sums).max(axis=0, initial=0.0)).T @ (right / np.abs(right).max(axis=0, initial=0.0))
-    tied[np.abs(tied) < KEPT] = 0.0
-    _, sizes, ways = np.linalg.svd(tied)
-    moves = basis @ (lengths[:, None] * right @ ways[int((sizes > 0).sum()) :].T)
+    ways = np.eye(right.shape[1])
+    if untied:
+        sums = left * lengths[:, None]  # of magnitudes, like the directions
+        tied = (sums / np.abs(sums).max(axis=0, initial=0.0)).T @ (right / np.abs(right).max(axis=0, initial=0.0))
+        _, sizes, turned = np.linalg.svd(tied)
+        ways = turned[int((sizes > KEPT).sum()) :].T
+    moves = basis @ (lengths[:, None] * right @ ways)
     sizes = np.abs(moves / size[:, None])
     return (sizes > MOVED * sizes.max(axis=0, initial=0.0)).any(axis=1)

@@ -23,7 +23,6 @@ OFF = 1e-10  # relative to the largest entries: size of the perturbation
 COLUMNS = (4, 16, 64)  # numbers of columns; more are used where all of the first are null vectors
 ROUNDS = 2  # inverse iterations
 FOUND = 10 * OFF  # largest product of the perturbed matrix with a null vector
-NOTHING = 1e-12  # entry of a unit vector that counts as rounding of zero
 POWERS = 32  # power iterations for the largest eigenvalue
 
 
@@ -32,7 +31,7 @@ class SparseSearch(EquilibriumSearch):
 
     def at(self, full: Array) -> tuple[Any, Any, Any]:
         """Return the same as `EquilibriumSearch.at`."""
-        from scipy.sparse import csc_array
+        from scipy.sparse import csc_array, diags_array
 
         full = self.loops.solve(self.time, full, self.mode)
         if self.unread is None:
@@ -42,7 +41,7 @@ class SparseSearch(EquilibriumSearch):
         whole = csc_array((entries, self.program.pattern), shape=(len(full), len(full)))
         self.loop_terms = np.abs(whole[: self.count, self.count :]) @ np.abs(full[self.count :])
         self.largest = np.maximum(self.largest, np.abs(full[: self.count]))
-        jacobian = self._reduced(whole)
+        jacobian = (self._reduced(whole) - diags_array(self.drag)).tocsc() if self.drag.any() else self._reduced(whole)
         return full, slope, _scaled(jacobian, np.where(self.unread, 0.0, 1.0), 1) if self.unread.any() else jacobian
 
     def _reduced(self, whole: Any) -> Any:
@@ -101,7 +100,7 @@ class SparseSearch(EquilibriumSearch):
             if spaces is None:
                 return super()._least(slope, jacobian.toarray(), noise, size, None)
             left, right = spaces
-            weights = np.where(np.abs(left) > NOTHING, np.abs(left), 0.0).T
+            weights = np.where(np.abs(left) > SINGULAR, np.abs(left), 0.0).T  # smaller entries are rounding
             allowed = CLOSE * (weights @ np.abs(needed)) + weights @ (noise / rows)
             if (np.abs(left.T @ needed) > allowed).any():
                 return np.full(len(slope), np.inf)

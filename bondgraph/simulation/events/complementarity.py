@@ -46,7 +46,7 @@ STEP, IMPEDANCE = "step of the companion", "impedance of the valves"  # its inpu
 CONDUCTS = ", which conducts"  # end of the label of a port whose state is fixed
 # of stored quantities: an input where a law is nonlinear, and an output
 JUMP, PASSED = "jump of ", "rate of what passes to "
-BALANCED = 1e-6  # relative to a jump: largest misfit of the impulse that passes
+BALANCED = 1e-6  # relative to a jump: largest misfit of the impulse that passes, which steps of 1e-7 and 1e-8 show
 IMPULSES = (1e-7, 1e-8)  # as `STEPS`: the two steps that reveal an impulse
 
 

@@ -102,7 +102,7 @@ class SampledSearch(EquilibriumSearch):
         units = (*program.states.units, *(modes.units[p] for p in self.places))
         self.group(units)
         self.count = len(self.names)
-        self.largest, self.unseen = np.zeros(self.count), np.zeros(self.count)
+        self.largest, self.unseen, self.drag = np.zeros((3, self.count))
 
     def joined(self, state: Array, mode: Array) -> Any:
         """Return a full state from the program's state and the mode."""
@@ -152,7 +152,7 @@ class SampledSearch(EquilibriumSearch):
         fixed = (*self.fixed[:2], mode)
         own = np.array(self.program.derivative(self.time, state, *fixed))[: self.states]
         new = np.asarray(self.hybrid.values(self.time, state, *fixed))[self.settings]
-        rates = np.concatenate([own, (new - mode[self.places]) / self.periods])
+        rates = np.concatenate([own, (new - mode[self.places]) / self.periods]) - self.drag * full[: self.count]
         rates[self.unread] = 0.0
         return rates
 

@@ -8,56 +8,66 @@ motion is undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray
+from compiler.api import Array, BoolArray
 
 from ...errors import RunFailed
 from ...quantities import listed
 from ..constraints.constraints import Assembled, Constraints
-from .initial_equations import damped_step, differences
+from .initial_equations import fulfil
 
-ITERATIONS = 50
 RANK = 1e-7  # relative to the largest singular value, for derivatives by differences
 FULL = 1e-9  # the same, for exact derivatives
 CLOSE = 1e-6  # relative change that a given start value may undergo
 TRIES = 4
-QUIET = 1e-6  # 1/s: rates below it, written from a computed equilibrium, are compared with this instead of themselves
 BESIDE = 1e-2  # radians or fractions of the size: distance of the poses at which the rank is examined again
-Missed = Callable[[Any], Any]  # states (…, n) -> residuals of the initial equations
+SPEEDS = ("m/s", "1/s")
+Missed = Callable[[Any], Any]  # states (n,) -> residuals of the initial equations
 
 
 def rates_closed(
-    constraints: Constraints, claims: Missed, at: tuple[float, Any], state: Array, masks: tuple[Any, Any], claimed: tuple[str, ...]
+    constraints: Constraints, claims: Missed, at: tuple[float, Any], state: Array, masks: tuple[Any, Any],
+    claimed: Sequence[tuple[str, str]],
 ) -> Any:  # fmt: skip
     """Return the states, shape (n,), with rates (and other states that are no pose) that keep the loops closed and satisfy the initial equations.
 
-    `at`: time and mode; `masks`: the movable states, and the poses; `claimed`: names in the initial equations. Only movable states change, apart from
+    `at`: time and mode; `masks`: the movable states, and the poses; `claimed`: names and units in the initial equations. Only movable states change, apart from
     rounding of the others' start values; a pose never does. Raises `RunFailed`.
     """
     movable, poses = masks
-    size = sizes(constraints, at[0], state, at[1])
+    count, program = constraints.count, constraints.program
     fixed = (constraints.inputs, constraints.constants, at[1])
+    unit_of, speed = sizes(constraints, at[0], state, at[1]), np.isin(program.states.units, SPEEDS)
+    size = np.array([unit_of.get(u, 0.0) for u in program.states.units])
 
     def missed(x: Array) -> Any:
-        gaps = constraints.program.invariant(at[0], x, *fixed)
-        return np.concatenate([claims(x), np.asarray(gaps)[..., constraints.gaps :]], axis=-1)
+        gaps = program.invariant(at[0], x, *fixed)
+        return np.concatenate([claims(x), np.asarray(gaps)[constraints.gaps :]])
 
-    count = constraints.count
-    found = _search(missed, state, np.flatnonzero(movable & ~poses), size)
+    units = [*(unit for _, unit in claimed), *program.invariants.units[constraints.gaps :]]
+    asked = [abs(v) / unit_of[u] for v, u in zip(missed(state), units, strict=True) if u in SPEEDS]
+    known = np.where(speed, (max(asked, default=0.0) or 1.0) * size, 0.0)
+
+    def searched(places: BoolArray) -> Any:
+        found = fulfil(lambda x: missed(np.append(x, state[count:])), state[:count], places, known, RANK)
+        return np.append(found, state[count:])
+
+    found = searched(movable & ~poses)
     opening = _opening(constraints, at, found, size)
     if opening is not None:
-        loose = _search(missed, state, np.flatnonzero(~poses), size)
-        off = np.abs(loose - state)[:count] > CLOSE * _fastest(constraints, loose, size) * size[:count]
+        loose = searched(~poses)
+        given_size = np.where(speed, _fastest(constraints, loose, size) * size, np.abs(state[:count]))
+        off = np.abs(loose - state)[:count] > CLOSE * given_size
         if off[~movable & ~poses].any() or _opening(constraints, at, loose, size) is not None:
             given = np.flatnonzero(~movable[:count] & ~poses[:count])
             rates = [constraints.program.states.names[i].rpartition(".")[0] for i in given]
+            names = listed(tuple(dict.fromkeys((*rates, *(name for name, _ in claimed)))))
             raise RunFailed(
-                "BR736", f"the starts of rates of {listed(tuple(dict.fromkeys((*rates, *claimed))))} cannot hold together: in this pose `{opening}` would not "
-                "stay closed;", "leave one of them out",
+                "BR736", f"the starts of rates of {names} cannot hold together: in this pose `{opening}` would not stay closed;", "leave one of them out",
             )  # fmt: skip
         found = loose
     return found
@@ -78,44 +88,24 @@ def _opening(constraints: Constraints, at: tuple[float, Any], state: Array, size
 
 
 def _fastest(constraints: Constraints, state: Array, size: Array) -> float:
-    """Return the largest rate that enters the residuals' rates, in units of the mechanism, at least the rounding of an equilibrium."""
-    return float(np.abs(state[constraints.speeds] / size[constraints.speeds]).max(initial=QUIET))
+    """Return the largest rate that enters the residuals' rates, in units of the mechanism."""
+    return float(np.abs(state[constraints.speeds] / size[constraints.speeds]).max(initial=0.0))
 
 
-def sizes(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
-    """Return the unit of change of each state: the length of the mechanism for a length, a radian for an angle."""
-    units = constraints.program.states.units
+def sizes(constraints: Constraints, time: float, state: Array, mode: Array) -> dict[str, float]:
+    """Return the size of each unit of the mechanism, for rates in 1 s: its length for a length, a radian for an angle."""
     slopes, _ = constraints.slopes(time, state, mode)
-    turns = np.array([units[p] == "1" for p in constraints.positions], dtype=bool)
+    turns = np.array([constraints.program.states.units[p] == "1" for p in constraints.positions], dtype=bool)
     arms = np.abs(slopes[constraints.lengths][:, turns])
     length = float(arms.max(initial=0.0)) or 1.0
-    return np.array([length if u in ("m", "m/s") else 1.0 for u in units])
+    return {"m": length, "m/s": length, "1": 1.0, "1/s": 1.0}
 
 
-def _search(missed: Missed, state: Array, places: IntArray, size: Array) -> Any:
-    """Solve by Gauss-Newton, damped where a step brings no progress (Levenberg-Marquardt)."""
-    state, value, damping = np.array(state), missed(state), 0.0
-    for _ in range(ITERATIONS if len(places) else 0):
-        slopes = differences(missed, state, places, size[places]).T
-        bound = np.abs(slopes).max(axis=1, initial=0.0)
-        told = bound > 0
-        if not told.any():
-            break
-        scaled, miss = slopes[told] / bound[told, None], value[told] / bound[told]
-        if np.abs(miss).max() < 1e-15:
-            break
-        step = damped_step(scaled, miss, damping, RANK)
-        trial = state.copy()
-        trial[places] += size[places] * step
-        new = missed(trial)
-        if np.linalg.norm(new[told] / bound[told]) < np.linalg.norm(miss):
-            state, value = trial, new
-            damping = damping / 10 if damping > 1e-6 else 0.0
-        elif np.abs(step).max() < 1e-13 or damping > 1e8:
-            break
-        else:
-            damping = 10 * damping or 1e-3
-    return state
+def measures(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
+    """Return the size of each state of the mechanism, (n,): that of its unit, for a rate as far as the fastest part moves; 0 for other states."""
+    units, unit_of = constraints.program.states.units, sizes(constraints, time, state, mode)
+    size = np.array([unit_of.get(u, 0.0) for u in units])
+    return np.where(np.isin(units, SPEEDS), _fastest(constraints, state, size) * size, size)
 
 
 # ---------------------------------------------------------------- rank

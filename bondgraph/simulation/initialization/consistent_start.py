@@ -90,7 +90,7 @@ def _assembled(
     program: Program, made: CompiledScene, constraints: Constraints, state: Array, movable: BoolArray, poses: BoolArray, first: Segment
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
     """Return the consistent state of a model with loop joints, the rates of whose residuals vanish as well, and notes."""
-    from .assembly import choose_rows, rates_closed, sizes
+    from .assembly import choose_rows, measures, rates_closed
 
     time, mode, space = first.start, first.mode, made.state_space
     loops = constraints.loops()
@@ -99,17 +99,18 @@ def _assembled(
 
     def claims(x: Array) -> Any:
         if loose:
-            x = loops.solve_all(np.full(len(x), time), x, mode) if x.ndim > 1 else loops.solve(time, x, mode)
-        found = np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
-        return found[..., : len(space.claims)]
+            x = loops.solve(time, x, mode)
+        return np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))[: len(space.claims)]
 
-    claimed = tuple(space.claims[i].element for i in rows)
-    x = rates_closed(constraints, lambda y: claims(y)[..., rows], (time, mode), state, (movable, poses), claimed)
+    claimed = [(space.claims[i].element, space.variables[space.claims[i].variable].unit) for i in rows]
+    x = rates_closed(constraints, lambda y: claims(y)[rows], (time, mode), state, (movable, poses), claimed)
     constraints.assembled = choose_rows(constraints, time, x, mode)
     x = constraints.project(time, x, mode)
     value = claims(x)
-    size = np.abs(x)  # a value that must be zero has the size of the mechanism, by which rounding is measured
-    size[: constraints.count] += ROUNDING * sizes(constraints, time, x, mode)
+    size = np.abs(
+        x
+    )  # a value that must be zero has the size of the mechanism, and of its motion, by which rounding is measured
+    size[: constraints.count] += ROUNDING * measures(constraints, time, x, mode)
     terms = size[size > 0]
     reach = np.abs(slopes_of(claims, x, size > 0, terms)) @ terms if value.any() else np.abs(value)
     _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))

@@ -27,12 +27,20 @@ STRONGEST = 1e8  # damping beyond which nothing moves any more
 Missed = Callable[[Any], Any]  # states -> residuals of the initial equations
 
 
-def fulfil(missed: Missed, x: Array, movable: BoolArray) -> Any:
-    """Return the states, shape (n,), with the movable ones (a mask) changed so that the initial equations hold, or nearly hold."""
+def fulfil(missed: Missed, x: Array, movable: BoolArray, known: Array | float = 0.0, rank: float = SINGULAR) -> Any:
+    """Return the states, shape (n,), with the movable ones (a mask) changed so that the initial equations hold, or nearly hold.
+
+    `known`: sizes of their changes, (n,), 0 where they are not known; `rank`: relative singular value that counts as zero.
+    """
     x, value, damping = np.array(x), missed(x), 0.0
-    first = _sizes(missed, x, movable, value)
-    for _ in range(ITERATIONS):
-        size = np.maximum(np.abs(x[movable]), LEAST * first)
+    known = np.broadcast_to(known, x.shape)
+    sizes, least = np.array(known), np.array(known)
+    unknown = movable & ~(known > 0)
+    sizes[unknown] = _sizes(missed, x, unknown, value)
+    least[unknown] = LEAST * sizes[unknown]
+    first, least = sizes[movable], least[movable]
+    for _ in range(ITERATIONS if value.any() else 0):
+        size = np.maximum(np.abs(x[movable]), least)
         slopes = _noiseless(slopes_of(missed, x, movable, size) * first, size / first, value)
         bound = np.abs(slopes).max(axis=1, initial=0.0)
         told = bound > 0  # the equations that depend on movable states
@@ -40,7 +48,7 @@ def fulfil(missed: Missed, x: Array, movable: BoolArray) -> Any:
             return x
         scaled, miss = slopes[told] / bound[told, None], value[told] / bound[told]
         while True:
-            step = damped_step(scaled, miss, damping, SINGULAR)
+            step = damped_step(scaled, miss, damping, rank)
             trial = x.copy()
             trial[movable] += first * step
             new = missed(trial)

@@ -27,11 +27,10 @@ if TYPE_CHECKING:
     from compiler.api import Array, IntArray, StateSpace
 
 INDEPENDENT = 1e-6  # least part of a unit derivative that is independent of earlier start values
-CLOSE = 1e-6  # relative error of a dependent coordinate: start values have few digits
+CLOSE = 1e-6  # relative error of a dependent coordinate, and difference of two poses that are one: start values have few digits
 CLOSED = 1e-9  # relative size of a residual that counts as closed
 STAYS = 1e-14  # relative change of a coordinate that starts as drawn
 ASIDE, FAR, BESIDE = 1e-3, 10.0, 8  # distance from a singular drawing, in units of the variables; largest; directions
-APART = 1e-6  # difference of two poses
 CHOICES = 6  # of the coordinates to follow
 
 Claims = Callable[[Any], Any]  # states (…, n) -> the rows of `Program.claims`
@@ -173,7 +172,7 @@ def _from_singular(problem: PoseProblem, z: Array, beside: Sequence[Any]) -> tup
     reached = [e for e in ends if e is not None]
     if not reached:
         raise tried[0]
-    if all(np.abs(e - reached[0]).max() < APART for e in reached):
+    if all(np.abs(e - reached[0]).max() < CLOSE for e in reached):
         return reached[0], None
     if problem.gaps:
         raise several

@@ -33,7 +33,7 @@ from ..resolution.conditions import apart, known_or_later, not_parallel
 from .bodies import part_named
 from .part_attributes import PartAttributes, static_bounds
 
-APART = 1e-9  # of their distance from the origin: points closer than that are one
+APART = 1e-9  # of their distance from the origin: points closer than that are one, computed or written with ten digits
 AXES = ("from", "to", "middle", "world")
 RADIUS_HINT = "It is positive; a wheel under a ceiling has `normal = (0, 0, -1)`, in the plane `(0, -1)`."
 AXES_HINT = "`axes = from`, `to`, `middle` or `world`: in whose axes x and y are measured."

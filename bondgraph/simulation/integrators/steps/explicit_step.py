@@ -38,7 +38,7 @@ def explicit_step(s: IntegratorWorkspace) -> int:
     size = first_size(s, longest, SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH)
     rejected = 0
     bent = 0
-    share = 1.0
+    cut = 1.0
     for i in range(n):
         s.slope[i] = s.rate[i]
     while True:
@@ -54,6 +54,7 @@ def explicit_step(s: IntegratorWorkspace) -> int:
             share = first_bend_of_pair(s, size, least)
             if share < 1.0:
                 bent += 1
+                cut *= share
                 size *= share
                 continue
         if norm > 0.1 and is_rounding(s, norm, CAREFUL, size):
@@ -82,7 +83,7 @@ def explicit_step(s: IntegratorWorkspace) -> int:
     put_explicit_end(s, end, size)
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
     if bent > 0:
-        s.size = max(s.size, size / max(share, REGAINED))
+        s.size = max(s.size, size / max(cut, REGAINED))
     if s.size * s.fastest > STABLE:
         s.held_by_stability += 1
         s.free_steps = 0
