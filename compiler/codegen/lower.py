@@ -137,12 +137,12 @@ def _put_leaves(result: Lowered) -> None:
 
 
 def _lower_claims(result: Lowered) -> None:
-    """Starts of what is computed, those of the drawing and of poses: differences that vanish where they hold."""
+    """Starts of what is computed and those of the drawing, differences that vanish where they hold; and the values of the former."""
     space = result.space
     said = [(c.variable, c.start) for c in space.claims]
     drawn = [(s.variable, s.drawn) for s in (space.states[i] for i in space.moved) if s.drawn is not None]
-    posed = [(c.variable, 0.0) for c in space.posed]
-    result.claims = tuple(result.values[v] - _entry(result, start) for v, start in (*said, *drawn, *posed))
+    values = [(c.variable, 0.0) for c in space.claims]
+    result.claims = tuple(result.values[v] - _entry(result, start) for v, start in (*said, *drawn, *values))
 
 
 def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]]) -> None:

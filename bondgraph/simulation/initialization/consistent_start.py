@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunFailed
+from ...numerics.scales import EPS
 from ...quantities import behind
 from ..constraints.constraints import Constraints
 from ..loops.loops import LoopSolver
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from .poses import PoseProblem
 
 CLOSE = 1e-9  # relative residual with which an initial equation holds
+ROUNDED = 4 * EPS  # relative to a start value: a residual that is none
 ROUNDING = 1e-3  # relative to the size of a mechanism: least size of a start value in that test
 DISTINCT = 1e-6  # relative difference of an unknown in two solutions
 SHOWN = 4  # most solutions, and unknowns of each, in a message
@@ -62,7 +64,7 @@ def consistent_start(
 
     def missed(x: Array) -> tuple[Any, Any]:
         full = loops.solve(time, np.concatenate([x, state[count:]]), mode)
-        return claims(full)[: len(space.claims)], full
+        return _missed(space, claims(full)), full
 
     x = fulfil(lambda y: missed(y)[0][rows], state[:count], movable & ~poses) if rows else state[:count]
     value, full = missed(x)
@@ -73,6 +75,13 @@ def consistent_start(
     _check(program, space, constants, value, reach, full, (time, inputs, mode))
     full, several = _determined(loops, made, full, (time, mode))
     return full, (*notes, *several)
+
+
+def _missed(space: StateSpace, claims: Array) -> Any:
+    """Return by how much the initial equations are missed, (claims,), zero where that is rounding of a start value: such a residual has no size."""
+    missed, values = claims[: len(space.claims)], claims[len(space.claims) + len(space.moved) :]
+    rounding = ROUNDED * np.maximum(np.abs(values), np.abs(values - missed))
+    return np.where(np.abs(missed) <= rounding, 0.0, missed)
 
 
 def _with_pose(problem: PoseProblem, state: Array) -> tuple[Any, tuple[str, ...]]:
@@ -100,7 +109,7 @@ def _assembled(
     def claims(x: Array) -> Any:
         if loose:
             x = loops.solve(time, x, mode)
-        return np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))[: len(space.claims)]
+        return _missed(space, np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode)))
 
     claimed = [(space.claims[i].element, space.variables[space.claims[i].variable].unit) for i in rows]
     x = rates_closed(constraints, lambda y: claims(y)[rows], (time, mode), state, (movable, poses), claimed)

@@ -404,8 +404,8 @@ def pose_problem(space: StateSpace, constraints: Constraints, claims: Claims, at
     ]
     full = np.concatenate([begin, state[count:]])
     first = claims(full)
-    for number, i in enumerate(on_pose, claimed + len(space.moved)):
-        claim = space.claims[i]
+    for i in on_pose:
+        claim, number = space.claims[i], claimed + len(space.moved) + i
         unit = space.variables[claim.variable].unit
         given.append(
             GivenCoordinates(
