@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import bondgraph
@@ -127,3 +128,21 @@ def test_what_starts_without_motion_does_not_drift(text: str, twist: float) -> N
 def test_a_cart_that_moves_or_is_pushed_has_no_rest(text: str) -> None:
     with pytest.raises(RunFailed, match="no equilibrium was found"):
         bondgraph.load(text).equilibrium()
+
+
+def test_a_branch_goes_along_its_parameter_where_a_place_is_free() -> None:
+    """Not along the family of rests: it ended where it began, without a word. The torque holds the bob at asin(M/(m g l)), up to a fold."""
+    text = CART.format("", 0.3, "input torque = 0 N*m\n  MSe drive : M = torque\n  drive -> crane.pin")
+    branch = bondgraph.load(text).continuation("torque", 0, 12.0)
+    assert [(s.kind, s.value) for s in branch.special] == [("fold", pytest.approx(9.81, rel=1e-9))]
+    assert len(branch) > 20 and abs(branch["place"] - 0.7).max() < 1e-12
+    assert abs(9.81 * np.sin(branch["twist"]) - branch["torque"]).max() < 1e-9
+
+
+def test_a_branch_of_two_flywheels_winds_their_spring() -> None:
+    drives = (
+        "parameter torque = 0 [N*m]\n  Se one : M = torque\n  Se other : M = -torque\n  one -> A\n  other -> B\n  I a"
+    )
+    text = FLYWHEELS.replace("I a", drives, 1).replace("{ start omega = 7 [rad/s] }", "")
+    branch = bondgraph.load(text).continuation("torque", 0, 10.0)
+    assert branch["twist"][-1] == pytest.approx(0.2, rel=1e-9) and abs(branch["angle"] - 0.4).max() < 1e-12
