@@ -16,12 +16,13 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import RunFailed
-from ..numerics.scales import group_numbers, largest_of_group, nonzero
+from ..numerics.scales import group_numbers, largest_of_group
 from ..simulation.equilibrium.search import equilibrium
 from ..simulation.equilibrium.steady import given_terms
 from ..simulation.magnitudes.nominal_magnitudes import rounding_levels
 from ..simulation.segments.timeline import Segment
 from .eigenvalues import EPS, Eigenvalues
+from .families import families, scaled_system
 from .operating_point import OperatingPoint
 from .sizes import natural, of_parameters, reach
 from .verdict import decisive, resting_rates
@@ -29,7 +30,6 @@ from .verdict import decisive, resting_rates
 ITERATIONS = 12
 CLOSE = 1e-13  # relative to the magnitudes: size of the last correction
 ENOUGH = 1e-9  # the same, where rounding prevents a smaller one
-SINGULAR = 1e-11
 TURN = 0.97  # cosine of the largest turn between two tangents
 SHORTEST = 1e-7  # shortest step, as a fraction of the range
 ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # relative to the magnitudes: first steps onto another branch
@@ -40,7 +40,6 @@ BENT = 1e-3  # relative to the largest slope of a row: least change of a slope a
 JUMPS = 1e-6  # the same: least rate that a condition brings by changing at a rest
 LONGEST = 4.0  # longest step, in units of the first one
 RESTING = 1e-6  # relative to the terms in a rate: where a larger rate is left at rest, these are rounding of zero
-ASTRIDE = (-0.7, 0.3)  # in magnitudes: places at which a family of rests is told from a fold
 NOISE = 1e-14  # relative to the largest term of a row: rounding
 NO_FURTHER = "no further state of rest was found"
 LOST = 1e-13  # relative to the terms of a rate: a state that contributes less is rounding of zero
@@ -94,8 +93,8 @@ class BranchFollower:
         self.see(first, self.slopes(first)[0])
         self._begin(first, low, 1.0 / points)
         self.see(first, self.slopes(first)[0])
-        self.free = np.zeros((0, first.count))
-        self.free = self._free(first)
+        self.free, (A, b) = np.zeros((0, first.count)), self.slopes(first)
+        self.free = families(first, A, np.concatenate(self.system(first, A, b)[1:])[:, :-1], self.scale, self.rates)
 
     def _begin(self, first: OperatingPoint, low: float, share: float) -> None:
         """Set the first magnitudes: how far the states would come over the range, by the rest at a share of it; of others, by what moves them."""
@@ -167,37 +166,8 @@ class BranchFollower:
 
     def system(self, point: OperatingPoint, A: Array, b: Array) -> Any:
         """Return the scaled rows of [A b], then the conserved sums and the free coordinates; columns are scaled coordinates and the parameter."""
-        whole = np.concatenate([A * self.scale[point.reduced.chosen], b[:, None] * self.range], axis=1)
-        rows = nonzero(np.abs(whole).max(axis=1))
-        u, sizes, _ = np.linalg.svd(whole / rows[:, None], full_matrices=True)
-        rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
         chosen = point.reduced.chosen
-        kept = np.concatenate([u[:, rank:].T / rows * self.scale[chosen], self.free[:, chosen] / self.scale[chosen]])
-        kept = kept / nonzero(np.linalg.norm(kept, axis=1, keepdims=True))
-        kept = np.concatenate([kept, np.zeros((len(kept), 1))], axis=1)
-        return rows, whole / rows[:, None], kept
-
-    def _free(self, point: OperatingPoint) -> Any:
-        """Return the directions (k, n) of the states along which a point is one of a family of rests that no conserved sum tells apart.
-
-        A coordinate that may rest anywhere stays as it is: the branch would lead along the family, and not along the parameter.
-        """
-        A, b = self.slopes(point)
-        chosen, (_, whole, kept) = point.reduced.chosen, self.system(point, A, b)
-        _, sizes, right = np.linalg.svd(np.concatenate([whole, kept])[:, :-1], full_matrices=True)
-        rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
-        ways = [self.lifted(point, np.append(q, 0.0))[:-1] * self.scale for q in right[rank:]]
-        terms = RESTING * (np.abs(A) @ self.scale[chosen])
-        return np.array([w for w in ways if all(self._rests(point, s * w, terms) for s in ASTRIDE)]).reshape(
-            -1, self.count
-        )
-
-    def _rests(self, point: OperatingPoint, change: Array, allowed: Array) -> bool:
-        state = np.concatenate([point.state[: self.count] + change, point.state[self.count :]])
-        try:
-            return bool((np.abs(self.rates(point.elsewhere({}, state))) <= allowed).all())
-        except (RunFailed, np.linalg.LinAlgError):
-            return False
+        return scaled_system(A, b[:, None] * self.range, self.scale[chosen], self.free[:, chosen])
 
     def lifted(self, point: OperatingPoint, q: Array) -> Any:
         """Return a direction of all states and the parameter, scaled, from one of the free coordinates and the parameter."""
