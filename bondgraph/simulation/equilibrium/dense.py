@@ -49,7 +49,7 @@ class EquilibriumSearch:
         self.terms: Any = None  # sizes of the terms in the derivatives at the current state
         # magnitudes, rates and terms of loop unknowns of the start, (n,) each, if there is a search
         self.begun: Any = None
-        self.drag = np.zeros(self.count)  # 1/s, on speeds
+        self.drag: Any = np.zeros(self.count)  # 1/s, on speeds
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
     def group(self, units: Sequence[str]) -> None:
