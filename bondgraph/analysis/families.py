@@ -41,8 +41,8 @@ def families(
     rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
     ways = [point.reduced.directions @ (q * scale[chosen]) for q in right[rank:]]
     terms = RESTING * (np.abs(A) @ scale[chosen])
-    found = [w for w in ways if all(_rests(point, s * w, terms, rates) for s in ASTRIDE)]
-    return np.array(found).reshape(-1, point.count)
+    free = [w for w in ways if all(_rests(point, s * w, terms, rates) for s in ASTRIDE)]
+    return np.array(free).reshape(-1, point.count)
 
 
 def _rests(point: OperatingPoint, change: Array, allowed: Array, rates: Callable[[OperatingPoint], Any]) -> bool:

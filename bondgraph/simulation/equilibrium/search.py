@@ -43,17 +43,17 @@ def found_by(search: EquilibriumSearch, state: Array) -> Any:
     Steps keep no momentum that depends on the pose, as of a cart with a pendulum on a free rail. So where a mechanism that starts without motion
     would go on for ever, a search with a drag on its speeds follows: its rests without motion are the same.
     """
-    again, found, failed = copy(search), None, None
+    again, rest, failed = copy(search), None, None
     try:
-        found = _found(search, state)
+        rest = _found(search, state)
     except RunFailed as error:
         failed = error
     still = search.speeds.any() and not np.array(state)[: search.count][~search.positions].any()
-    if still and (found is None or drifts(search, found)):
-        found = _slowed(again, state, found)
-    if found is None and failed is not None:
+    if still and (rest is None or drifts(search, rest)):
+        rest = _slowed(again, state, rest)
+    if rest is None and failed is not None:
         raise failed
-    return found
+    return rest
 
 
 def _slowed(search: EquilibriumSearch, state: Array, otherwise: Any) -> Any:

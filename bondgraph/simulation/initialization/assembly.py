@@ -49,12 +49,12 @@ def rates_closed(
         return np.concatenate([claims(x), np.asarray(gaps)[constraints.gaps :]])
 
     units = [*(unit for _, unit in claimed), *program.invariants.units[constraints.gaps :]]
-    asked = [abs(v) / unit_of[u] for v, u in zip(missed(state), units, strict=True) if u in SPEEDS]
-    known = np.where(speed, (max(asked, default=0.0) or 1.0) * size, 0.0)
+    missing = [abs(v) / unit_of[u] for v, u in zip(missed(state), units, strict=True) if u in SPEEDS]
+    changes = np.where(speed, (max(missing, default=0.0) or 1.0) * size, 0.0)
 
     def searched(places: BoolArray) -> Any:
-        found = fulfil(lambda x: missed(np.append(x, state[count:])), state[:count], places, known, RANK)
-        return np.append(found, state[count:])
+        closed = fulfil(lambda x: missed(np.append(x, state[count:])), state[:count], places, changes, RANK)
+        return np.append(closed, state[count:])
 
     found = searched(movable & ~poses)
     opening = _opening(constraints, at, found, size)
