@@ -25,6 +25,7 @@ MOST_POINTS = 1_000_000
 LOWEST, HIGHEST = 1e-150, 1e150  # Hz: within them squares are finite
 BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # in widths of a resonance
 BEYOND = 1e-9  # relative distance from an undamped resonance within which there are no values
+LEFT = 1e-7  # of a transient, relative to the steady motion, when it has settled
 AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
 
@@ -201,14 +202,14 @@ class Measured:
     settling: float
 
 
-def settling_time(linear: Linearization, given: str, seen: str, frequency: float, left: float = 1e-7) -> float:
-    """Return the time (s) until a transient has decayed to the fraction `left` of the steady motion, from the modes that take part in it."""
+def settling_time(linear: Linearization, given: str, seen: str, frequency: float) -> float:
+    """Return the time (s) until a transient has decayed to the fraction `LEFT` of the steady motion, from the modes that take part in it."""
     values, inverse, shapes = left_shapes(linear.A)
     i, j = linear.outputs.index(seen), linear.inputs.index(given)
     steady = abs(transfer(linear, np.array([2j * np.pi * frequency]))[0, i, j])
     parts = np.abs((linear.C[i] @ shapes) * (inverse.conj().T @ linear.B[:, j]) / (2j * np.pi * frequency - values))
     with np.errstate(divide="ignore", invalid="ignore"):
-        times = np.where(parts > left * steady, np.log(parts / (left * steady)) / -values.real, 0.0)
+        times = np.where(parts > LEFT * steady, np.log(parts / (LEFT * steady)) / -values.real, 0.0)
     if not np.isfinite(times).all() or (times < 0).any():
         raise UsageError("BR237", f"`{seen}` never settles under a harmonic `{given}`: a mode that takes part in it is not damped")  # fmt: skip
     return float(times.max(initial=0.0))

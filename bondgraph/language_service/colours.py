@@ -23,8 +23,8 @@ _OF_NAMES = {
 _PLAIN = {"comment": "comment", "text": "text", "number": "number"}
 
 
-def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | None = None) -> Iterator[MarkedWord]:
-    """Yield the words of a part of a file with their classes, in order; names that are not declared, and signs, have none."""
+def marked_words(workspace: Workspace, path: Path) -> Iterator[MarkedWord]:
+    """Yield the words of a file with their classes, in order; names that are not declared, and signs, have none."""
     document, _ = workspace.names(path)
     path = path.resolve()
     named: dict[int, tuple[str, bool]] = {}
@@ -37,7 +37,7 @@ def marked_words(workspace: Workspace, path: Path, start: int = 0, end: int | No
             words |= {word: "value" for word, _ in occurrence.name.node.choices}
     words |= {word: kind for kind, listed in classes().items() if kind != "timing" for word in listed}
     timing = {*classes()["timing"], "solve"}
-    for match in WORD.finditer(document.text, start, len(document.text) if end is None else end):
+    for match in WORD.finditer(document.text):
         sort = match.lastgroup or ""
         kind, defined = named.get(match.start(), (_PLAIN.get(sort, ""), False))
         if not kind and sort == "name":

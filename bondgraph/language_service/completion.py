@@ -458,7 +458,7 @@ def _wanted_dimension(place: CursorPlace) -> Dimension | None:
     definition = place.file.models.get(context.head)
     if definition is not None and len(context.blocks) > 1:
         inner = table_of(definition.model).get(names[-1].text)
-        return None if inner is None else declared_dimension(inner, definition.file, place.survey, definition.name)
+        return None if inner is None else declared_dimension(inner, place.survey, definition.name)
     if _in_mechanism(context) and names[-1].text in PART_UNITS:
         return dimension_of(PART_UNITS[names[-1].text])
     if context.head in ELEMENTS and names[0].text in ("start", "nominal"):
@@ -492,4 +492,4 @@ def _dimension_of_words(place: CursorPlace, words: tuple[object, ...]) -> Dimens
     if len(texts) > 2 and texts[-2] == ".":
         return _letter_dimension(place, texts[-3], texts[-1])
     name = place.names.get(texts[-1])
-    return None if name is None else declared_dimension(name, place.file, place.survey, place.home)
+    return None if name is None else declared_dimension(name, place.survey, place.home)

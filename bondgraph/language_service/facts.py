@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from compiler.api import CompilationFailed, ElementEntry, FileScope, PartEntry, Source, read_unit, scale_of, tree
+from compiler.api import CompilationFailed, ElementEntry, PartEntry, Source, read_unit, scale_of, tree
 
 from ..presentation.text.causality import CausalityExplanation, explain
 from .names import DeclaredName, path_of
@@ -135,7 +135,7 @@ def dimension_of(unit: str) -> Dimension | None:
         return None
 
 
-def declared_dimension(name: DeclaredName, file: FileScope, survey: FileSurvey, home: str) -> Dimension | None:
+def declared_dimension(name: DeclaredName, survey: FileSurvey, home: str) -> Dimension | None:
     """Dimension of a quantity: as the compiler found it, else by the unit that its declaration has."""
     checked = survey.models.get(home)
     if checked is not None and checked.parts is not None:

@@ -354,7 +354,7 @@ def _solution(
     return [divide(right[0], matrix[0][0])] if len(right) == 1 else solutions(matrix, right, layout)
 
 
-def count_operations(roots: Iterable[Expression], free: Mapping[Expression, object] | None = None) -> int:
+def count_operations(roots: Iterable[Expression]) -> int:
     """Number of distinct operations behind some expressions."""
-    order = operations_in_order(tuple(roots), free or {})
+    order = operations_in_order(tuple(roots), {})
     return sum(max(1, len(node.operands) - 1) if node.operator in ("add", "multiply") else 1 for node in order)

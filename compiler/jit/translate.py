@@ -18,7 +18,7 @@ from .values import EVERYTHING, Choices, SubsetModule, ValueWriter, apart
 LONGEST_INLINED = 200  # lines of a function that may become a part of its only caller: LLVM takes longer for both as one, and runs are no faster
 
 
-def translate(exported: Sequence[Callable[..., Any]], attributes: str = "", choices: Choices = EVERYTHING) -> str:
+def translate(exported: Sequence[Callable[..., Any]], choices: Choices = EVERYTHING) -> str:
     """Text of a module with these functions and all that they call. The names of the exported ones are visible."""
     module = SubsetModule(choices)
     for function in exported:
@@ -26,7 +26,7 @@ def translate(exported: Sequence[Callable[..., Any]], attributes: str = "", choi
     names = {function.__name__ for function in exported}
     bodies: list[str] = []
     while module.waiting:
-        bodies.append(_Function(module, module.waiting.pop(), names).text(attributes))
+        bodies.append(_Function(module, module.waiting.pop(), names).text())
     return "\n".join(
         [*module.constants.values(), *module.declared.values(), *bodies, *apart(), *module.scalar_loops, ""]
     )
@@ -35,7 +35,7 @@ def translate(exported: Sequence[Callable[..., Any]], attributes: str = "", choi
 class _Function(ValueWriter):
     """Writer of one function."""
 
-    def text(self, attributes: str) -> str:
+    def text(self) -> str:
         """Definition of the function."""
         names = [a.arg for a in self.tree.args.args]
         for name, kind in zip(names, self.arguments, strict=True):
@@ -49,7 +49,7 @@ class _Function(ValueWriter):
         given = ", ".join(f"{text_of(k)} %{n}" for n, k in zip(names, self.arguments, strict=True))
         linkage = "" if self.exported else "internal "
         whole = "noinline " if len(self.lines) > LONGEST_INLINED else ""
-        head = f"define {linkage}{text_of(self.result)} @{self.tree.name}({given}) {attributes}{whole}{{"
+        head = f"define {linkage}{text_of(self.result)} @{self.tree.name}({given}) {whole}{{"
         return "\n".join([head, "entry:", *self.opening, *self.lines, "}"])
 
     # ------------------------------------------------------------ statements

@@ -172,7 +172,7 @@ class Coordinates:
                 turn = of_quaternion(script, p, f"{name} turned")
             return p, turn.back(script, f, f"{name} spin")
         if f != zeros:
-            f = turned_by_rates(script, p, v, f, f"{name} spin")
+            f = turned_by_rates(script, v, f, f"{name} spin")
         if link.reverse:  # the inverse turn, and the spin seen from the other side
             f = turn.apply(script, f, f"{name} spin seen")
             p, f = conjugate(p), negated(f)

@@ -77,7 +77,7 @@ def torque_from_efforts(script: AssignmentEmitter, p: Quaternion, r: Vector, eff
     return _mapped(script, p, r, efforts, -1.0 if of_second else 1.0, name)
 
 
-def turned_by_rates(script: AssignmentEmitter, p: Quaternion, r: Vector, rates: Vector, name: str) -> Vector:
+def turned_by_rates(script: AssignmentEmitter, r: Vector, rates: Vector, name: str) -> Vector:
     """Angular velocity in the axes of B, from r' (for constant starts).
 
     w = r' - (1 - cos a)/a^2 r x r' + (a - sin a)/a^3 r x (r x r').

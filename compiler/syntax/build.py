@@ -75,6 +75,20 @@ class Builder:
         """Statements; a mode with transitions is several."""
         return tuple(s for part in parts for s in (part if isinstance(part, tuple) else (part,)))
 
+    def _node(self, kind: type[tree.SyntaxNode], parts: list[Any]) -> tree.SyntaxNode:
+        """A node whose fields are the parts of its rule."""
+        parts = [_done(part) for part in parts]
+        return kind(self._span(parts), *(str(part) if isinstance(part, Token) else part for part in parts))
+
+    equation = partialmethod(_node, tree.Equation)
+    link = partialmethod(_node, tree.LinkSyntax)
+    range = partialmethod(_node, tree.Range)
+    setting = partialmethod(_node, tree.SettingSyntax)
+    timing = partialmethod(_node, tree.TimingSyntax)
+    reset = partialmethod(_node, tree.Reset)
+    bandwidth = partialmethod(_node, tree.Bandwidth)
+    stop = partialmethod(_node, tree.StopSyntax)
+
     # ------------------------------------------------------------ files and models
     def alone(self, parts: list[Any]) -> tree.ExpressionSyntax:
         return _done(parts[0])  # type: ignore[no-any-return]
@@ -183,14 +197,6 @@ class Builder:
     def law(self, parts: list[Any]) -> tree.LawSyntax:
         return tree.LawSyntax(self._span(parts), tuple(parts))
 
-    def equation(self, parts: list[Any]) -> tree.Equation:
-        left, right = map(_done, parts)
-        return tree.Equation(self._span([left, right]), left, right)
-
-    def link(self, parts: list[Any]) -> tree.LinkSyntax:
-        first, second = map(_done, parts)
-        return tree.LinkSyntax(self._span([first, second]), first, second)
-
     def attribute(self, parts: list[Any]) -> tree.Attribute:
         value = _done(parts[-1])
         target = parts[1] if len(parts) == 3 else None
@@ -225,10 +231,6 @@ class Builder:
         space = None if space is None else str(space)
         return tree.MechanismSyntax(self._span([name]), str(name), _items(index), space, statements)
 
-    def setting(self, parts: list[Any]) -> tree.SettingSyntax:
-        value = _done(parts[1])
-        return tree.SettingSyntax(self._span([parts[0], value]), str(parts[0]), value)
-
     def mechanism_loop(self, parts: list[Any]) -> tree.LoopSyntax:
         return tree.LoopSyntax(self._span(parts[:2]), str(parts[0]), parts[1], parts[2])
 
@@ -250,17 +252,9 @@ class Builder:
         period = _done(parts[0])
         return tree.EventSyntax(period.span, period, parts[-1], True, tuple(parts[1:-1]))
 
-    def timing(self, parts: list[Any]) -> tree.TimingSyntax:
-        value = _done(parts[1])
-        return tree.TimingSyntax(self._span([parts[0], value]), str(parts[0]), value)
-
     def requirement(self, parts: list[Any]) -> tree.RequirementSyntax:
         condition = _done(parts[0])
         return tree.RequirementSyntax(condition.span, condition, _text(parts[1]) or "")
-
-    def reset(self, parts: list[Any]) -> tree.Reset:
-        value = _done(parts[1])
-        return tree.Reset(self._span([parts[0], value]), parts[0], value)
 
     # ------------------------------------------------------------ experiments
     def experiment(self, parts: list[Any]) -> tree.Experiment:
@@ -281,14 +275,6 @@ class Builder:
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:
         return tree.Simulate(self._span(parts[:1]), parts[0], parts[1] or ())
-
-    def bandwidth(self, parts: list[Any]) -> tree.Bandwidth:
-        value = _done(parts[0])
-        return tree.Bandwidth(self._span([value]), value)
-
-    def stop(self, parts: list[Any]) -> tree.StopSyntax:
-        condition = _done(parts[0])
-        return tree.StopSyntax(self._span([condition]), condition)
 
     def listed(self, parts: list[Any]) -> tuple[tree.GivenSyntax, ...]:
         return tuple(p for p in parts if not isinstance(p, Token))  # commas: lark shares the list's rule
@@ -331,10 +317,6 @@ class Builder:
     def reading(self, parts: list[Any]) -> tree.ReadingSyntax:
         value = _done(parts[0])
         return tree.ReadingSyntax(self._span([value]), value, parts[1])
-
-    def range(self, parts: list[Any]) -> tree.Range:
-        first, last = map(_done, parts)
-        return tree.Range(self._span([first, last]), first, last)
 
     # ------------------------------------------------------------ expressions
     def joined(self, parts: list[Any]) -> Operators:

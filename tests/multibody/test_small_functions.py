@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from compiler.algebra.expression import ZERO, Expression, Number, evaluate
+from compiler.algebra.expression import Expression, Number, evaluate
 from compiler.graph.mechanism import Mechanism
 from compiler.graph.network import MechanismNode
 from compiler.multibody.assignment_emitter import AssignmentEmitter
@@ -58,7 +58,7 @@ def test_a_unit_quaternion() -> None:
 def test_the_angular_velocity_of_a_rotation_vector(size: float) -> None:
     """In the axes of B: the series of the right Jacobian, sum of (-1)^k [r]^k r'/(k + 1)!, and turns of scipy a short time apart."""
     r, rates = size * np.array([2.0, -1.0, 2.0]) / 3, np.array([0.3, -0.7, 1.9])
-    found = values(turned_by_rates(SCRIPT, (Number(1.0), ZERO, ZERO, ZERO), numbers(*r), numbers(*rates), "w"))
+    found = values(turned_by_rates(SCRIPT, numbers(*r), numbers(*rates), "w"))
     term, total = rates.copy(), rates.copy()
     for k in range(1, 60):
         term = -np.cross(r, term) / (k + 1)
@@ -71,7 +71,7 @@ def test_the_angular_velocity_of_a_rotation_vector(size: float) -> None:
 
 def test_rates_along_the_vector_are_the_angular_velocity() -> None:
     r, rates = numbers(0.3, 0, 0), numbers(1.5, 0, 0)
-    assert turned_by_rates(SCRIPT, (Number(1.0), ZERO, ZERO, ZERO), r, rates, "w") is rates
+    assert turned_by_rates(SCRIPT, r, rates, "w") is rates
 
 
 CHAIN = """

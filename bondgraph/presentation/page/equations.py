@@ -12,14 +12,14 @@ from .mathml import formula, math, name, number, row, sign
 LARGEST = 300_000  # most characters of markup; `bondgraph equations` shows the rest
 
 
-def equations_markup(space: StateSpace, sources: Sequence[Source] = (), largest: int = LARGEST) -> Html:
+def equations_markup(space: StateSpace, sources: Sequence[Source]) -> Html:
     """Return a list of the equations; if they are too many for a page, the first ones and a reference to the others."""
     rows: list[Html] = []
     size = 0
     for equation, span, words in _equations(space):
         rows.append(tag("li", equation, _place(span, sources), *([tag("small", words)] if words else [])))
         size += len(rows[-1])
-        if size > largest:
+        if size > LARGEST:
             rows.append(
                 tag("li", f"and more: {len(space.steps) + len(space.states)} in all; `bondgraph equations` prints them")
             )

@@ -100,9 +100,7 @@ def _declare_part(elaborator: Declarations, scope: Scope, statement: tree.Declar
         elaborator.mechanism_parts[entry.name].append(DeclaredPart(part, statement, scope, planar))
 
 
-def build_mechanism(
-    elaborator: Declarations, scope: Scope, statement: tree.MechanismSyntax, entry: MechanismEntry
-) -> Mechanism:
+def build_mechanism(elaborator: Declarations, statement: tree.MechanismSyntax, entry: MechanismEntry) -> Mechanism:
     """Read the attributes of all parts. Joints come last, as they may refer to frames."""
     readers = [PartAttributes(elaborator, part) for part in elaborator.mechanism_parts.get(entry.name, [])]
     kinds = [r.part.entry.kind for r in readers]

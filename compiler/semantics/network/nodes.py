@@ -173,7 +173,7 @@ class Nodes:
     def _mechanisms(self, connector: Connector) -> None:
         elaborator = self.elaborator
         for scope, statement, entry in elaborator.mechanisms:
-            mechanism = build_mechanism(elaborator, scope, statement, entry)
+            mechanism = build_mechanism(elaborator, statement, entry)
             used = dict.fromkeys(
                 t.port for s in connector.segments for t in (s.tail, s.head) if t.node == entry.name and not t.side
             )
