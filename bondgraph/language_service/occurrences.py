@@ -55,20 +55,7 @@ class _Home:
 
 def occurrences(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Iterator[NameUse]:
     """Yield the occurrences of all names in the statements of a file."""
-    home = _Home(file, file_names(file))
-    for statement in statements:
-        match statement:
-            case tree.ModelSyntax():
-                yield from _model(statement, home)
-            case tree.Import():
-                for name, span in statement.names:
-                    definition = file.models.get(name)
-                    yield NameUse(span, None if definition is None else model_name(definition), kind="model")
-                if not statement.is_file:
-                    end = statement.span.end
-                    yield NameUse(Span(statement.span.source, end - len(statement.place), end), None, kind="library")
-            case _:
-                yield from _statement(statement, home)
+    return _uses(statements, _Home(file, file_names(file)))
 
 
 def words_of_path(path: tree.PathSyntax) -> list[tuple[str, Span]]:
@@ -107,58 +94,60 @@ def model_of(name: DeclaredName, file: FileScope) -> ModelDefinition | None:
 # ---------------------------------------------------------------- statements
 
 
-def _model(model: tree.ModelSyntax, home: _Home) -> Iterator[NameUse]:
-    definition = ModelDefinition(model, home.file)
-    yield NameUse(model.name_span, model_name(definition), True)
-    inner = replace(home.also(table_of(model)), owner=(model.name,))
-    for statement in model.statements:
-        for use in _statement(statement, inner):
-            yield replace(use, home=model.name)
-
-
-def _statement(statement: tree.SyntaxNode, home: _Home) -> Iterator[NameUse]:
-    match statement:
+def _uses(node: object, home: _Home) -> Iterator[NameUse]:
+    """Yield the occurrences in a node, or in all nodes of a tuple: only what declares or reads a name is a case of its own."""
+    match node:
+        case tree.PathSyntax():
+            yield from _path(node, home)
         case tree.Declaration():
-            yield from _declaration(statement, home)
-        case tree.MechanismSyntax():
-            yield from _defined(home, statement.name, statement.span)
-            parts = parts_of(statement, home.owner)
-            inner = replace(home.also(parts), owner=(*home.owner, statement.name))
-            for part in statement.statements:
-                yield from _statement(part, inner)
-        case tree.LoopSyntax():
-            yield from _defined(home, statement.name, statement.span)
-            yield from _expression(statement.range, home)
-            for item in statement.statements:
-                yield from _statement(item, home)
-        case tree.ConditionalSyntax():
-            yield from _expression(statement.condition, home)
-            for item in (*statement.statements, *statement.otherwise):
-                yield from _statement(item, home)
-        case tree.ParameterSet():
-            yield from _defined(home, statement.name, statement.span)
-            yield from _expression([i.value for i in statement.items], home)
-        case tree.FunctionSyntax():
-            yield from _defined(home, statement.name, statement.span)
-            arguments = arguments_of(statement, home.owner)
-            yield from (NameUse(a.span, a, True) for a in arguments.values())
-            yield from _expression(statement.body, home.also(arguments))
+            yield from _declaration(node, home)
         case tree.Experiment():
-            yield from _experiment(statement, home)
+            yield from _experiment(node, home)
+        case tree.ModelSyntax():
+            yield NameUse(node.name_span, model_name(ModelDefinition(node, home.file)), True)
+            inner = replace(home.also(table_of(node)), owner=(node.name,))
+            yield from (replace(use, home=node.name) for use in _uses(node.statements, inner))
+        case tree.Import():
+            for name, span in node.names:
+                definition = home.file.models.get(name)
+                yield NameUse(span, None if definition is None else model_name(definition), kind="model")
+            if not node.is_file:
+                end = node.span.end
+                yield NameUse(Span(node.span.source, end - len(node.place), end), None, kind="library")
+        case tree.MechanismSyntax():
+            yield from _defined(home, node.name, node.span)
+            yield from _uses(node.index, home)
+            parts = parts_of(node, home.owner)
+            yield from _uses(node.statements, replace(home.also(parts), owner=(*home.owner, node.name)))
+        case tree.ParameterSet():
+            yield from _defined(home, node.name, node.span)
+            yield from _uses(tuple(item.value for item in node.items), home)
+        case tree.FunctionSyntax():
+            yield from _defined(home, node.name, node.span)
+            arguments = arguments_of(node, home.owner)
+            yield from (NameUse(a.span, a, True) for a in arguments.values())
+            yield from _uses(node.body, home.also(arguments))
         case tree.SettingSyntax():
-            yield NameUse(name_span(statement.span, statement.name), None, kind="attribute")
-            yield from _expression(statement.value, home)
-        case tree.Quantities(items=items, equations=equations):
-            yield from _expression(equations, home)
-            for item in items:
-                yield from _defined(home, item.name, item.span)
-                yield from _expression(item, home)
-        case tree.PortsSyntax(items=ports):
-            for port in ports:
-                yield from _defined(home, port.name, port.span)
-                yield from _expression(port.index, home)
-        case _:
-            yield from _expression(statement, home)
+            yield NameUse(name_span(node.span, node.name), None, kind="attribute")
+            yield from _uses(node.value, home)
+        case tree.Call():
+            span = name_span(node.span, node.function)
+            yield NameUse(span, home.names.get(node.function), kind="function")
+            yield from _uses(node.arguments, home)
+        case tree.Unit():
+            yield from (NameUse(span, None, kind="unit") for _, _, span in node.factors)
+        case tree.LoopSyntax() | tree.Item() | tree.PortItem():
+            yield from _defined(home, node.name, node.span)
+            yield from _uses(_parts(node), home)
+        case tree.SyntaxNode() | tree.Index():
+            yield from _uses(_parts(node), home)
+        case tuple():
+            for part in node:
+                yield from _uses(part, home)
+
+
+def _parts(node: tree.SyntaxNode | tree.Index) -> tuple[object, ...]:
+    return tuple(getattr(node, part.name) for part in fields(node) if part.name != "span")
 
 
 def _defined(home: _Home, word: str, span: Span) -> Iterator[NameUse]:
@@ -181,20 +170,20 @@ def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[NameUse
         if name is None:
             continue
         yield NameUse(name_span(declared.span, declared.name), name, True)
-        yield from _expression(declared.index, home)
+        yield from _uses((declared.index, *(c.width for c in declared.components)), home)
         inner, file = inside(name, home.file)
         if name.kind == "element":
             yield from (NameUse(c.span, c, True) for c in inner.values())
         elif name.kind == "instance":
             target = _Home(file, inner)
     law = isinstance(declaration.definition, tree.LawSyntax)
-    yield from _expression(declaration.definition, replace(home, letters=inner, in_law=law))
+    yield from _uses(declaration.definition, replace(home, letters=inner, in_law=law))
     for attribute in declaration.attributes:
         span = name_span(attribute.span, attribute.name)
         named = target.names.get(attribute.name) if target is not home else None
         yield NameUse(span, named, kind="attribute")
-        yield from _expression(attribute.target, replace(home, names=inner, in_law=True))
-        yield from _expression(attribute.value, home)
+        yield from _uses(attribute.target, replace(home, names=inner, in_law=True))
+        yield from _uses(attribute.value, home)
 
 
 def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[NameUse]:
@@ -211,40 +200,13 @@ def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[NameUse]:
     for step in experiment.steps:
         for attribute in getattr(step, "attributes", ()):
             yield NameUse(name_span(attribute.span, attribute.name), None, kind="attribute")
-        for use in _expression(step, inner):
+        for use in _uses(step, inner):
             is_swept = use.name is not None and use.name.span == use.span and use.name.node is step
             yield replace(use, is_definition=True) if is_swept else use
 
 
-# ---------------------------------------------------------------- expressions
-
-
-def _expression(node: object, home: _Home) -> Iterator[NameUse]:
-    """Yield the occurrences in a node, or in all nodes of a tuple."""
-    match node:
-        case tuple() | list():
-            for item in node:
-                yield from _expression(item, home)
-        case tree.PathSyntax():
-            yield from _path(node, home)
-        case tree.Call():
-            span = name_span(node.span, node.function)
-            yield NameUse(span, home.names.get(node.function), kind="function")
-            yield from _expression(node.arguments, home)
-        case tree.Unit():
-            yield from (NameUse(span, None, kind="unit") for _, _, span in node.factors)
-        case tree.Index():
-            yield from _expression(node.items, home)
-        case tree.SyntaxNode():
-            for part in fields(node):
-                if part.name != "span":
-                    yield from _expression(getattr(node, part.name), home)
-
-
 def _path(path: tree.PathSyntax, home: _Home) -> Iterator[NameUse]:
-    for step in path.steps:
-        if isinstance(step, tree.Index):
-            yield from _expression(step, home)
+    yield from _uses(path.steps, home)
     words = words_of_path(path)
     names: Mapping[str, DeclaredName] = home.names
     if home.letters and words[0][0] in home.letters:

@@ -197,6 +197,21 @@ def test_references_and_renaming_in_all_files(workspace: Workspace, tmp_path: Pa
     assert "import Piece from" in edited(other.read_text(encoding="utf-8"), edits, other) and "Piece part" in new
 
 
+def test_a_width_is_renamed_wherever_it_stands(workspace: Workspace, tmp_path: Path) -> None:
+    text = """model Row {
+  parameter n = 3
+  port top: translation[n]
+  1 body : translation[n]
+  I mass(p: translation[n]) : p.p = 1 [kg]*p.v
+  body => mass
+}
+"""
+    path, _ = opened(workspace, tmp_path, text)
+    edits = rename(workspace, path, text.index("n = 3"), "count")
+    assert isinstance(edits, list)
+    assert edited(text, edits, path) == text.replace("[n]", "[count]").replace("n = 3", "count = 3")
+
+
 @pytest.mark.parametrize(
     ("word", "new", "why"),
     [("k: N", "r", "mean something else"), ("k: N", "F", "mean something else"), ("k: N", "x", "mean something else"), ("k: N", "s", "mean something else"), ("k: N", "2k", "no name"),
