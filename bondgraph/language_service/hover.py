@@ -11,7 +11,7 @@ from compiler.api import DOMAINS, ELEMENTS, UNITS, FileSurvey, Span, tree
 from .answers import HoverText
 from .context import WORD
 from .facts import author_unit, domain_line, number, ports, quantity_line, stroke_lines
-from .names import DeclaredName, table_of
+from .names import DeclaredName, first_text, table_of
 from .occurrences import NameUse, model_of
 from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text
 from .workspace import Workspace, place_of
@@ -119,8 +119,7 @@ def _element(
 
 
 def _model_lines(model: tree.ModelSyntax) -> Iterator[str]:
-    text = next((s.text for s in model.statements if isinstance(s, tree.Description)), "")
-    if text:
+    if text := first_text(model.statements):
         yield text
     names = list(table_of(model).values())
     listed = [n for n in names if n.kind in ("port", "parameter", "input", "output")]

@@ -10,7 +10,7 @@ from compiler.api import UNIT, EditedFile, FileScope, tree
 from ..compiled_model import LIBRARY
 from .answers import Suggestion, TextEdit, TextPlace
 from .context import Context
-from .names import table_of
+from .names import first_text, table_of
 from .workspace import Workspace
 
 
@@ -90,11 +90,10 @@ def _value(item: tree.Item) -> str:
 
 
 def _text(model: tree.ModelSyntax) -> str:
-    text = next((s.text for s in model.statements if isinstance(s, tree.Description)), "")
+    text = first_text(model.statements)
     ports = [f"`{n.name}`: {n.type} {n.description}".strip() for n in table_of(model).values() if n.kind == "port"]
     return "\n\n".join(filter(None, [text, ", ".join(ports)]))
 
 
 def _first_line(workspace: Workspace, path: Path) -> str:
-    statements = workspace.project.document(path).tree.statements
-    return next((s.text for s in statements if isinstance(s, tree.Description)), "")
+    return first_text(workspace.project.document(path).tree.statements)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from compiler.api import ELEMENT_KINDS, FileScope, ModelDefinition, Span, tree
 
@@ -72,7 +73,7 @@ def _kept(node: tree.ModelSyntax | tree.MechanismSyntax, owner: tuple[str, ...])
     if before is not None and before[0] is node:
         return before[1]
     table: dict[str, DeclaredName] = {}
-    for name in _declared(node.statements, path_of(node.span), owner):
+    for name in _declared(node.statements, owner):
         if name.kind != "experiment":
             table.setdefault(name.name, name)
     if len(_tables) >= _TABLES_KEPT:
@@ -81,65 +82,60 @@ def _kept(node: tree.ModelSyntax | tree.MechanismSyntax, owner: tuple[str, ...])
     return table
 
 
+def declared_by(
+    node: Any, owner: tuple[str, ...], kind: str, sort: str = "", description: str | None = None
+) -> DeclaredName:
+    """The name that a node declares; `sort`: its type."""
+    span = name_span(node.span, node.name)
+    return DeclaredName(path_of(node.span), owner, node.name, kind, span, node, sort, description or "")
+
+
 def model_name(definition: ModelDefinition) -> DeclaredName:
     """The name of a model."""
     model = definition.model
-    text = next((s.text for s in model.statements if isinstance(s, tree.Description)), "")
-    return DeclaredName(path_of(model.name_span), (), model.name, "model", model.name_span, model, "", text)
+    name = declared_by(model, (), "model", "", first_text(model.statements))
+    return replace(name, span=model.name_span)
+
+
+def first_text(statements: tuple[tree.SyntaxNode, ...]) -> str:
+    """The description that a file, a model or an experiment has; empty if it has none."""
+    return next((s.text for s in statements if isinstance(s, tree.Description)), "")
 
 
 def file_names(file: FileScope) -> NameTable:
     """Names that models of a file read besides their own: models, constants and functions."""
     names = {n: model_name(d) for n, d in file.models.items()}
-    for name, (item, _) in file.constants.items():
-        names[name] = DeclaredName(
-            path_of(item.span), (), name, "constant", name_span(item.span, name), item, "", item.description or ""
-        )
-    for name, defined in file.sets.items():
-        node = defined.syntax
-        names[name] = DeclaredName(path_of(node.span), (), name, "set", name_span(node.span, name), node)
-    for name, function in file.functions.items():
-        names[name] = DeclaredName(
-            path_of(function.span), (), name, "function", name_span(function.span, name), function
-        )
-    return names
+    names |= {n: declared_by(item, (), "constant", "", item.description) for n, (item, _) in file.constants.items()}
+    names |= {n: declared_by(defined.syntax, (), "set") for n, defined in file.sets.items()}
+    return names | {n: declared_by(function, (), "function") for n, function in file.functions.items()}
 
 
-def _declared(statements: tuple[tree.SyntaxNode, ...], path: Path, owner: tuple[str, ...]) -> Iterator[DeclaredName]:
+def _declared(statements: tuple[tree.SyntaxNode, ...], owner: tuple[str, ...]) -> Iterator[DeclaredName]:
     for statement in statements:
         match statement:
             case tree.Quantities(role=role, items=items):
                 for item in items:
-                    yield DeclaredName(
-                        path, owner, item.name, role, name_span(item.span, item.name), item, "", item.description or ""
-                    )
+                    yield declared_by(item, owner, role, "", item.description)
             case tree.PortsSyntax(items=ports):
                 for port in ports:
-                    yield DeclaredName(
-                        path, owner, port.name, "port", name_span(port.span, port.name), port, port.domain or "", port.description or ""
-                    )  # fmt: skip
+                    yield declared_by(port, owner, "port", port.domain or "", port.description)
             case tree.Declaration():
                 kind = _kind_of(statement, owner)
                 for declared in statement.names:
-                    span = name_span(declared.span, declared.name)
-                    yield DeclaredName(
-                        path, owner, declared.name, kind, span, statement, statement.kind, statement.description or ""
-                    )
-            case tree.MechanismSyntax(name=name, space=space):
-                yield DeclaredName(
-                    path, owner, name, "mechanism", name_span(statement.span, name), statement, space or "planar"
-                )
-            case tree.LoopSyntax(name=name, statements=inner):
-                yield DeclaredName(path, owner, name, "index", name_span(statement.span, name), statement)
-                yield from _declared(inner, path, owner)
+                    name = declared_by(declared, owner, kind, statement.kind, statement.description)
+                    yield replace(name, node=statement)
+            case tree.MechanismSyntax():
+                yield declared_by(statement, owner, "mechanism", statement.space or "planar")
+            case tree.LoopSyntax():
+                yield declared_by(statement, owner, "index")
+                yield from _declared(statement.statements, owner)
             case tree.ConditionalSyntax():
-                yield from _declared((*statement.statements, *statement.otherwise), path, owner)
-            case tree.FunctionSyntax(name=name):
-                yield DeclaredName(path, owner, name, "function", name_span(statement.span, name), statement)
-            case tree.Experiment(name=name):
-                text = next((s.text for s in statement.steps if isinstance(s, tree.Description)), "")
-                span = name_span(statement.span, name)
-                yield DeclaredName(path, (*owner, "experiment"), name, "experiment", span, statement, "", text)
+                yield from _declared((*statement.statements, *statement.otherwise), owner)
+            case tree.FunctionSyntax():
+                yield declared_by(statement, owner, "function")
+            case tree.Experiment():
+                text = first_text(statement.steps)
+                yield declared_by(statement, (*owner, "experiment"), "experiment", "", text)
 
 
 def _kind_of(declaration: tree.Declaration, owner: tuple[str, ...]) -> str:
@@ -156,10 +152,7 @@ def ports_of(element: DeclaredName) -> NameTable:
     declared = next((d for d in element.node.names if d.name == element.name), None)
     components = declared.components if declared is not None else ()
     owner = (*element.owner, element.name)
-    return {
-        c.name: DeclaredName(element.path, owner, c.name, "component", name_span(c.span, c.name), c, c.domain or "")
-        for c in components
-    }
+    return {c.name: declared_by(c, owner, "component", c.domain or "") for c in components}
 
 
 def arguments_of(function: tree.FunctionSyntax, owner: tuple[str, ...]) -> NameTable:

@@ -12,11 +12,11 @@ from .names import (
     DeclaredName,
     NameTable,
     arguments_of,
+    declared_by,
     file_names,
     model_name,
     name_span,
     parts_of,
-    path_of,
     ports_of,
     table_of,
 )
@@ -188,14 +188,13 @@ def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[NameUse
 
 def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[NameUse]:
     owner = (*home.owner, "experiment")
-    span = name_span(experiment.span, experiment.name)
-    path = path_of(experiment.span)
-    yield NameUse(span, DeclaredName(path, owner, experiment.name, "experiment", span, experiment), True)
+    name = declared_by(experiment, owner, "experiment")
+    yield NameUse(name.span, name, True)
     swept: dict[str, DeclaredName] = {}
     for step in experiment.steps:
         if isinstance(step, tree.SweepSyntax) and not step.path.steps and step.path.head not in home.names:
             word, span = words_of_path(step.path)[0]
-            swept[word] = DeclaredName(path, (*owner, experiment.name), word, "parameter", span, step)
+            swept[word] = DeclaredName(name.path, (*owner, experiment.name), word, "parameter", span, step)
     inner = home.also(swept)
     for step in experiment.steps:
         for attribute in getattr(step, "attributes", ()):

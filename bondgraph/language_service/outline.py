@@ -9,7 +9,7 @@ from pathlib import Path
 from compiler.api import EditedFile, Span, tree
 
 from .answers import OutlineNode, TextPlace
-from .names import DeclaredName, name_span, parts_of, table_of
+from .names import DeclaredName, first_text, name_span, parts_of, table_of
 from .workspace import Workspace, place_of
 
 _MARK = re.compile(r'"[^"\n]*"|#[^\n]*|[{}\[\]()]')
@@ -26,7 +26,7 @@ def outline(workspace: Workspace, path: Path) -> list[OutlineNode]:
                 children = _children(statement, ends)
                 nodes.append(
                     _node(
-                        statement.name, "model", _first_text(statement.statements), statement.name_span, ends, children
+                        statement.name, "model", first_text(statement.statements), statement.name_span, ends, children
                     )
                 )
             case tree.FunctionSyntax(name=name):
@@ -41,7 +41,7 @@ def _children(model: tree.ModelSyntax, ends: dict[int, int]) -> tuple[OutlineNod
     for statement in model.statements:
         if isinstance(statement, tree.Experiment):
             span = name_span(statement.span, statement.name)
-            nodes.append(_node(statement.name, "experiment", _first_text(statement.steps), span, ends))
+            nodes.append(_node(statement.name, "experiment", first_text(statement.steps), span, ends))
     return tuple(sorted(nodes, key=lambda n: n.place.start))
 
 
@@ -64,10 +64,6 @@ def _node(
 
 def _brace_after(span: Span) -> int:
     return span.source.text.find("{", span.end)
-
-
-def _first_text(statements: tuple[tree.SyntaxNode, ...]) -> str:
-    return next((s.text for s in statements if isinstance(s, tree.Description)), "")
 
 
 def _ends(text: str) -> dict[int, int]:
