@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from ..errors import CompilationFailed
 from ..fast_dataclass import dataclass
 from ..graph.elements import STORAGES, Kind
+from ..graph.groups import Groups
 from ..graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Port
 from ..multibody.tree import drivable
 from .conflict import bond_to_itself, conflict_of, no_strokes
@@ -162,19 +163,12 @@ def _cancelling(graph: BondGraph) -> Iterator[Stroke]:
 
 def _joined(graph: BondGraph) -> dict[int, int]:
     """For each junction, the representative of its group: junctions of one kind that are joined by bonds."""
-    home = {n: n for n, node in enumerate(graph.nodes) if isinstance(node, Junction)}
-
-    def root(node: int) -> int:
-        while home[node] != node:
-            home[node] = home[home[node]]
-            node = home[node]
-        return node
-
+    home = Groups((n, n) for n, node in enumerate(graph.nodes) if isinstance(node, Junction))
     for bond in graph.bonds:
         tail, head = bond.tail.node, bond.head.node
         if tail in home and head in home and graph.nodes[tail].kind is graph.nodes[head].kind:
-            home[root(tail)] = root(head)
-    return {n: root(n) for n in home}
+            home.join(tail, head)
+    return {n: home.of(n) for n in home}
 
 
 def _of_ports(strokes: Strokes, node: int, efforts: list[bool], because: StrokeReason) -> Iterator[Stroke]:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 
-from ..algebra.expression import Symbol, add, divide, evaluate, multiply
+from ..algebra.expression import evaluate
 from ..algebra.formula import Bound
 from ..errors import Diagnostic
 from ..graph.domains import DOMAINS
@@ -169,7 +169,7 @@ def _notes(element: Element, graph: BondGraph) -> Iterator[str]:
     values = parameter_values(element, graph)
     if values is None:
         return
-    count = len(element.ports) - _heats(element)
+    count = len(element.ports) - element.gives_heat
     for finding, point in _findings(element.law, values, count):
         at = ", ".join(f"{port_name(element, v.port, v.variable)} = {x:.3g}" for v, x in point)
         yield f"`{element.name}` {finding}{at}"
@@ -199,18 +199,6 @@ def _findings(
     if len(found) < WITNESSES:
         return ()
     return (("creates energy, for example at ", tuple((v, found[0][v]) for v in (*flows, *efforts))),)
-
-
-def _heats(element: Element) -> bool:
-    """Return True if the last port gives the power that the others lose, as in an RS."""
-    last = len(element.ports) - 1
-    if not last:
-        return False
-    power = add(*(multiply(Symbol(PortVariable(p, "e")), Symbol(PortVariable(p, "f"))) for p in range(last)))
-    return element.law.equations[-1] == (
-        Symbol(PortVariable(last, "f")),
-        divide(power, Symbol(PortVariable(last, "e"))),
-    )
 
 
 def _at_rest(law: Relation) -> Iterator[bool]:

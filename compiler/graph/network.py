@@ -11,7 +11,7 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..algebra.expression import Expression, symbols
+from ..algebra.expression import Expression, Symbol, add, divide, multiply, symbols
 from ..algebra.formula import Bound
 from ..fast_dataclass import dataclass
 from ..source import Span
@@ -85,6 +85,16 @@ class Element:
     definition: str  # declaration: Model.name
     span: Span
     bundle: str = ""  # the transducer of multibonds that it is a part of, in drawings
+
+    @property
+    def gives_heat(self) -> bool:
+        """Return True if the last port gives the power that the others lose, as in an RS."""
+        last = len(self.ports) - 1
+        if not last:
+            return False
+        power = add(*(multiply(Symbol(PortVariable(p, "e")), Symbol(PortVariable(p, "f"))) for p in range(last)))
+        heat = (Symbol(PortVariable(last, "f")), divide(power, Symbol(PortVariable(last, "e"))))
+        return self.law.equations[-1:] == (heat,)
 
 
 SHOWN = 60  # bonds in a notebook

@@ -24,6 +24,7 @@ from ..algebra.expression import ONE, ZERO, Expression, Number, Symbol, add, cal
 from ..algebra.formula import Bound, Formula, bind, over
 from ..fast_dataclass import dataclass
 from .elements import Kind
+from .groups import Groups
 from .limits import Readers, Readings
 from .network import BondGraph, Element, Event, Junction, Law, Port, PortVariable, Quantity, Reading
 
@@ -255,20 +256,13 @@ def _is_ground(node: object, kind: Kind) -> bool:
 
 def groups(graph: BondGraph, joins: Kind, own: frozenset[int]) -> list[int]:
     """For each bond the first of those that share its variable through junctions."""
-    leader = list(range(len(graph.bonds)))
-
-    def root(b: int) -> int:
-        while leader[b] != b:
-            leader[b] = leader[leader[b]]
-            b = leader[b]
-        return b
-
+    joined = Groups[int]()
     for i, node in enumerate(graph.nodes):
         if node.kind is joins and i not in own and graph.incident[i]:
             first, *others = graph.incident[i]
             for bond in others:
-                leader[root(bond)] = root(first)
-    return [root(b) for b in range(len(graph.bonds))]
+                joined.join(bond, first)
+    return [joined.of(b) for b in range(len(graph.bonds))]
 
 
 def _side_groups(graph: BondGraph, number: int, group: Sequence[int]) -> tuple[int, int]:

@@ -11,12 +11,13 @@ as a run may change them; starts, imposed and reset rates, and structures that s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from math import atan2, pi
 
 from ..algebra.expression import ZERO, Expression, Number, Symbol, add, multiply
 from ..fast_dataclass import dataclass
+from ..graph.groups import Groups
 from ..graph.mechanism import COUPLINGS, Body, Frame, Joint, Mechanism
 from .assignment_emitter import AssignmentEmitter
 from .axes import snapped
@@ -168,25 +169,12 @@ def _in_loops(mechanism: Mechanism, on: Mapping[str, str], chains: Sequence[Plan
     fixed = [(on[j.first], on[j.second]) for j in others]
     closing = []
     for chain in chains:
-        group = _connected([*fixed, *((c.free.first, c.free.second) for c in chains if c is not chain)], on.values())
-        if group[chain.free.first] == group[chain.free.second]:
+        group = Groups[str]()
+        for one, other in [*fixed, *((c.free.first, c.free.second) for c in chains if c is not chain)]:
+            group.join(one, other)
+        if group.of(chain.free.first) == group.of(chain.free.second):
             closing.append(chain)
     return closing
-
-
-def _connected(pairs: Iterable[tuple[str, str]], names: Iterable[str]) -> dict[str, str]:
-    """For each name, one name of all that pairs connect it to."""
-    above = {name: name for name in names}
-
-    def top(name: str) -> str:
-        while above[name] != name:
-            above[name] = above[above[name]]
-            name = above[name]
-        return name
-
-    for one, other in pairs:
-        above[top(one)] = top(other)
-    return {name: top(name) for name in above}
 
 
 def merged(mechanism: Mechanism, chains: Sequence[PlanarChain]) -> Mechanism:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence, Set
 
 from ..fast_dataclass import dataclass
+from ..graph.groups import Groups
 from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
 from .joint_order import Ranks, joint_ranks
 
@@ -126,7 +127,7 @@ class _Growth:
         self.welds = [j for j in mechanism.joints if is_weld(j) and j.name not in apart]
         # what floats has the coordinates of a body with starts, wherever that is declared: then only these move at the start
         self.bodies = sorted(mechanism.bodies, key=lambda body: not body.starts)
-        self.group: dict[str, str] = {name: name for name in [GROUND, *(b.name for b in self.bodies)]}
+        self.group = Groups((name, name) for name in [GROUND, *(b.name for b in self.bodies)])
         self.links: list[Link] = []
         self.start: dict[str, int | None] = {}  # group -> its link
         self.used: set[str] = set()
@@ -137,7 +138,7 @@ class _Growth:
             self._weld(joint)
         members: dict[str, list[Body]] = {}
         for body in self.bodies:
-            members.setdefault(self._root(body.name), []).append(body)
+            members.setdefault(self.group.of(body.name), []).append(body)
         free = [j for j in self.mechanism.joints if j.kind not in CLOSING and not is_chord(j) and j.name not in merged]
         neighbours = self._neighbours(free)
         names = list(dict.fromkeys(j.name for near in neighbours.values() for _, j in near))
@@ -148,7 +149,7 @@ class _Growth:
         for group in members:
             if group not in self.start:
                 self._grow(group, self._float(members[group]), members, neighbours)
-        place = {name: self.start[self._root(name)] for name in self.group if name != GROUND}
+        place = {name: self.start[self.group.of(name)] for name in self.group if name != GROUND}
         closing = [j for j in self.mechanism.joints if not is_chord(j) and j.name not in self.used]
         chords = [j for j in self.mechanism.joints if is_chord(j)]
         return Tree(tuple(self.links), place, tuple(chords), tuple(closing))
@@ -170,7 +171,7 @@ class _Growth:
         seen: set[str] = set()
         names: dict[str, None] = {}
         for root in self.group:
-            level = [] if root in seen or self._root(root) != root else [root]
+            level = [] if root in seen or self.group.of(root) != root else [root]
             while level:
                 seen.update(level)
                 found = [
@@ -183,33 +184,21 @@ class _Growth:
 
     def _forest(self, joints: Sequence[Joint], order: Sequence[str]) -> list[Joint]:
         """Joints without a loop (J. Kruskal, 1956): first those that should not close one, then in the given order."""
-        by_name, above = {j.name: j for j in joints}, {name: self._root(name) for name in self.group}
-
-        def top(name: str) -> str:
-            while above[name] != name:
-                above[name] = above[above[name]]
-                name = above[name]
-            return name
+        by_name, joined = {j.name: j for j in joints}, Groups(self.group)
 
         def weight(name: str) -> tuple[bool, ...]:
             return tuple(name not in kept for kept in self.kept_in)
 
         kept: set[str] = set()
         for name in sorted(order, key=weight):
-            one, other = (top(self._group_of(end)) for end in (by_name[name].first, by_name[name].second))
+            one, other = (joined.of(self.on[end]) for end in (by_name[name].first, by_name[name].second))
             if one != other:
-                above[one] = other
+                joined.join(one, other)
                 kept.add(name)
         return [j for j in joints if j.name in kept]
 
-    def _root(self, name: str) -> str:
-        while self.group[name] != name:
-            self.group[name] = self.group[self.group[name]]
-            name = self.group[name]
-        return name
-
     def _group_of(self, end: str) -> str:
-        return self._root(self.on[end])
+        return self.group.of(self.on[end])
 
     def _weld(self, joint: Joint) -> None:
         """Merge two groups. The group takes the name of the ground, or of its first body."""
@@ -218,7 +207,7 @@ class _Growth:
             return
         order = list(self.group)
         name, other = sorted((first, second), key=order.index)
-        self.group[other] = name
+        self.group.join(other, name)
         self.used.add(joint.name)
 
     def _float(self, bodies: list[Body]) -> int:

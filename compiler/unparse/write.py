@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from ..algebra.expression import Number, Symbol, add, divide, multiply
+from ..algebra.expression import Number, Symbol
 from ..algebra.formula import bind
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
@@ -20,7 +20,6 @@ from ..graph.network import (
     MechanismNode,
     Named,
     Node,
-    PortVariable,
     Requirement,
 )
 from ..graph.units import ONE, SECOND
@@ -227,14 +226,6 @@ def shared_ports(graph: BondGraph) -> dict[str, BondEnd]:
 
 def heating_resistors(graph: BondGraph) -> set[str]:
     """Resistors whose last port has an outgoing bond and gives the heat: in text an `RS`, without that equation."""
-    found = set()
-    for bond in graph.bonds:
-        node = graph.nodes[bond.tail.node]
-        if isinstance(node, Element) and node.kind is Kind.RESISTOR and bond.tail.port == len(node.ports) - 1 > 0:
-            last = len(node.ports) - 1
-            power = add(*(multiply(Symbol(PortVariable(p, "e")), Symbol(PortVariable(p, "f"))) for p in range(last)))
-            if node.law.equations[-1:] == (
-                (Symbol(PortVariable(last, "f")), divide(power, Symbol(PortVariable(last, "e")))),
-            ):
-                found.add(node.name)
-    return found
+    ends = ((graph.nodes[bond.tail.node], bond.tail.port) for bond in graph.bonds)
+    resistors = ((n, port) for n, port in ends if isinstance(n, Element) and n.kind is Kind.RESISTOR)
+    return {n.name for n, port in resistors if port == len(n.ports) - 1 and n.gives_heat}

@@ -7,6 +7,7 @@ from dataclasses import field
 from ...errors import Diagnostic
 from ...fast_dataclass import dataclass
 from ...graph.domains import DOMAINS, GENERIC, Domain
+from ...graph.groups import Groups
 from ...source import Span
 from .errors import DomainConflict
 
@@ -18,21 +19,14 @@ class DomainTable:
     """Domains of all ports in one definition. Keys name parts without their indices."""
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
-    parents: dict[Key, Key] = field(default_factory=dict)
+    groups: Groups[Key] = field(default_factory=Groups)
     known: dict[Key, tuple[str, Span, Key]] = field(default_factory=dict)
     guesses: list[tuple[Key, str, set[str], Span]] = field(default_factory=list)  # implied by letters of laws
     told: set[Key] = field(default_factory=set)  # classes that met another domain: once is enough
 
-    def root(self, key: Key) -> Key:
-        parent = self.parents.setdefault(key, key)
-        while parent != self.parents[parent]:
-            self.parents[parent] = self.parents[self.parents[parent]]
-            parent = self.parents[parent]
-        return parent
-
     def learn(self, key: Key, domain: str, span: Span) -> None:
         """Record the domain of a port; `span` is the place that determines it."""
-        root = self.root(key)
+        root = self.groups.of(key)
         before = self.known.setdefault(root, (domain, span, key))
         if before[0] != domain and root not in self.told:
             self.told.add(root)
@@ -42,7 +36,7 @@ class DomainTable:
 
     def join(self, a: Key, b: Key, span: Span) -> None:
         """Record that two ports share a bond."""
-        first, second = self.root(a), self.root(b)
+        first, second = self.groups.of(a), self.groups.of(b)
         if first == second:
             return
         one, two = self.known.get(first), self.known.get(second)
@@ -51,20 +45,20 @@ class DomainTable:
                 self.diagnostics.append(DomainConflict(span, words_of(b), two[0], words_of(a), one[0], one[1]))
             self.told |= {first, second}
             return
-        self.parents[second] = first
+        self.groups.join(second, first)
         if one is None and two is not None:
             self.known[first] = two
 
     def guess(self) -> None:
         """Set the domains that no declaration gives from the letters of laws. Letters of another domain are a conflict."""
         for key, domain, letters, span in self.guesses:
-            known = self.known.get(self.root(key))
+            known = self.known.get(self.groups.of(key))
             if known is None or not letters <= {*DOMAINS[known[0]].letters, *GENERIC}:
                 self.learn(key, domain, span)
 
     def of(self, *key: str) -> Domain | None:
         """Domain of a port; None if it is undetermined."""
-        found = self.known.get(self.root(key))
+        found = self.known.get(self.groups.of(key))
         return None if found is None else DOMAINS[found[0]]
 
 
