@@ -51,6 +51,7 @@ from .template import (
     common_dimension,
     has_value,
     negated,
+    no_choice,
     times,
 )
 from .vectors import VECTORS, compile_vector
@@ -98,7 +99,7 @@ class ExpressionCompiler:
     def compile(self, expression: tree.ExpressionSyntax) -> Template:
         value = self._in_unit(expression) if self.unit is not None else self.value(expression)
         if isinstance(value, Typed):
-            self._no_choice(value, expression.span)
+            no_choice(value, expression.span)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts_of(value))
         return Template(
             value,
@@ -206,14 +207,7 @@ class ExpressionCompiler:
     def _number(self, value: Typed, span: Span) -> Typed:
         if value.truth:  # a condition read as a number is 1 or 0: `output lift_off = tyre.x < 0 m`
             return Typed(select(value.expression, NUMBER_ONE, ZERO), ONE)
-        return self._no_choice(value, span)
-
-    @staticmethod
-    def _no_choice(value: Typed, span: Span) -> Typed:
-        if value.choices:
-            hint = f"Compare it: `{span.words} == {value.choices[0]}`."
-            raise Wrong(WrongType(span, "A number", f"a choice of {', '.join(value.choices)}", hint))
-        return value
+        return no_choice(value, span)
 
     def _literal(self, node: tree.Literal, number: Fraction | None = None) -> Typed:
         value = node.number if number is None else number

@@ -14,7 +14,7 @@ from ...graph.network import Law, PortVariable, Reference
 from ...graph.units import ONE, Dimension
 from ...source import Span
 from ...syntax import tree
-from ..names.errors import DimensionMismatch
+from ..names.errors import DimensionMismatch, WrongType
 from ..names.scope import Scope
 from ..names.statement_errors import Wrong, describe, unit_hint
 
@@ -181,6 +181,14 @@ def times(a: Typed, b: Typed, direction: int) -> Typed:
         return Typed(multiply(a.expression, b.expression), a.dimension * b.dimension)
     bottom = b.dimension or ONE
     return Typed(divide(a.expression, b.expression), None if a.dimension is None else a.dimension / bottom)
+
+
+def no_choice(value: Typed, span: Span) -> Typed:
+    """A value that is a number. Raises `Wrong` for a choice."""
+    if value.choices:
+        hint = f"Compare it: `{span.words} == {value.choices[0]}`."
+        raise Wrong(WrongType(span, "A number", f"a choice of {', '.join(value.choices)}", hint))
+    return value
 
 
 def beside(value: Value, node: tree.Product) -> Value:
