@@ -62,7 +62,9 @@ def somewhere(program: Program, shape: tuple[int, ...]) -> dict[str, Any]:
         "time": time,
         "state": state,
         "inputs": inputs,
-        "mode": program.switches(time, constants),
+        "mode": program.switches(time, constants)
+        if program.hybrid is None
+        else program.hybrid.mode_at(time, state, inputs, constants),
     }
 
 

@@ -455,7 +455,7 @@ PLATEAUS = {  # condition on x = cos t -> times that it becomes true in 20 s, an
 }
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", BOTH)
 @pytest.mark.parametrize("condition", PLATEAUS)
 def test_what_is_equal_for_a_while_holds_as_it_is_written(condition: str, target: str) -> None:
     """Behind its first event the rounding level of a condition hid each plateau at zero."""

@@ -23,6 +23,7 @@ from .initial_equations import fulfil
 RANK = 1e-7  # relative to the largest singular value, for derivatives by differences
 FULL = 1e-9  # the same, for exact derivatives
 CLOSE = 1e-6  # relative change that a given start value may undergo
+AT_REST = 1e-150  # relative to the size of a mechanism, 1/s: the squares of slower rates are no numbers
 TRIES = 4
 BESIDE = 1e-2  # radians or fractions of the size: distance of the poses at which the rank is examined again
 SPEEDS = ("m/s", "1/s")
@@ -43,6 +44,8 @@ def rates_closed(
     fixed = (constraints.inputs, constraints.constants, at[1])
     unit_of, speed = sizes(constraints, at[0], state, at[1]), np.isin(program.states.units, SPEEDS)
     size = np.array([unit_of.get(u, 0.0) for u in program.states.units])
+    state = state.copy()
+    state[:count][speed & (np.abs(state[:count]) < AT_REST * size)] = 0.0
 
     def missed(x: Array) -> Any:
         gaps = program.invariant(at[0], x, *fixed)
