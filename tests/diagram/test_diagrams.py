@@ -92,7 +92,7 @@ def test_a_long_chain_goes_back_and_forth(text: str, closed: bool) -> None:
     assert all(len(way) == 2 for bond in picture.bonds for way in bond.ways)
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(10)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_names_keep_clear_of_strokes(path: Path) -> None:
     for bond in (picture := drawn(path)).bonds:
@@ -208,6 +208,7 @@ def test_signals() -> None:
     assert drawn(MODELS / "oscillator.bg").signals == ()
 
 
+@pytest.mark.few(25)
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_every_signal_has_a_way(path: Path) -> None:
     """It begins and ends at its own nodes, and passes through no text and no box."""

@@ -407,6 +407,7 @@ def test_a_narrow_condition_behind_a_delay_is_told() -> None:
     assert any("has no bounds within a step" in note for note in run(text, 1.0).notes)
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("solver", ["automatic", "explicit", "radau", "rodas"])
 @pytest.mark.parametrize("order", [3, 4, 6, 8])
 def test_a_motion_from_rest_crosses_once(order: int, solver: str) -> None:
@@ -455,6 +456,7 @@ PLATEAUS = {  # condition on x = cos t -> times that it becomes true in 20 s, an
 }
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("target", BOTH)
 @pytest.mark.parametrize("condition", PLATEAUS)
 def test_what_is_equal_for_a_while_holds_as_it_is_written(condition: str, target: str) -> None:
@@ -469,6 +471,7 @@ def test_what_is_equal_for_a_while_holds_as_it_is_written(condition: str, target
     assert result.final("count") == count and result.final("y") == pytest.approx(length, abs=1e-6)
 
 
+@pytest.mark.few(15)
 @pytest.mark.parametrize("solver", ["automatic", "radau", "explicit"])
 @pytest.mark.parametrize("condition", ["x^2 > 0", "abs(x) > 0", "max(x, -x)^0.5 > 0", "not (x^2 <= 0)", "x != 0"])
 def test_what_fails_at_one_instant_does_not_act_again(condition: str, solver: str) -> None:
