@@ -86,9 +86,22 @@ def test_lists_are_set_and_started_as_wholes() -> None:
     )  # without its experiment
 
 
+def test_lists_of_one_and_matrices_are_set_as_wholes() -> None:
+    """A list of one item is set by a list of one; a matrix by a matrix: x' = 1 from 5, 6 at half a second; y' = ((1, 2), (3, 4)) from ((5, 0), (0, 7))."""
+    text = (
+        "model A {\n  signal x = integral([1 [1/s]], [0]), y = integral([[1, 2], [3, 4]]/(1 s), [[0, 0], [0, 0]])\n"
+        "  when time > 0.5 s { x = [x[1] + 1]; y = [[y[2, 2], 0], [0, y[1, 1]]] }\n"
+        "  output a = x[1], b = y[1, 1], c = y[2, 2]\n"
+        "  experiment go { start x = [5]; start y = [[5, 0], [0, 7]]; simulate 0 .. 1 s }\n}\n"
+    )
+    found = bondgraph.load(text).simulate(rtol=1e-9)
+    assert [found.final(n) for n in "abc"] == pytest.approx([7, 9.5, 7.5], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("line", "code"),
     [
+        ("when time > 1 s { x = [[1, 2]] }", "BG111"),
         ("when time > 1 s { x = 3 }", "BG111"),
         ("when time > 1 s { x = [1, 2, 3] }", "BG111"),
         ("when time > 1 s { x = [1 m, 2] }", "BG103"),

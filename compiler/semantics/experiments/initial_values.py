@@ -101,7 +101,7 @@ def _read(
         if _is_attitude(found):
             _read_attitude(elaborator, step, root, found, result)
             return
-        bounds = read_values(elaborator, step.value, root, found.items, f"`start {words}`", static=True)
+        bounds = read_values(elaborator, step.value, root, found, f"`start {words}`", static=True)
         for item, bound in zip(found.items, bounds, strict=True):
             _enter(elaborator, step, item, bound, elements, result)
         return

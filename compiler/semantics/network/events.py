@@ -9,6 +9,7 @@ from ...algebra.formula import Bound, Formula
 from ...graph.domains import DOMAINS
 from ...graph.network import Action, Element, Event, Node, Quantity, Reading, Sampling
 from ...syntax import tree
+from ..expressions.lists import place
 from ..names.errors import LateStorage, WrongEvent, WrongExperiment, WrongType
 from ..names.scope import Items, Scalar, Scope
 from ..names.statement_errors import Wrong
@@ -82,11 +83,8 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, element
     for reset in event.resets:
         for action in elaborator.guard(_actions, elaborator, scope, reset, elements, event.sampled) or ():
             if not event.sampled and any(action.target == a.target for a in actions):
-                what, hint = (
-                    f"`{action.words}` is set twice at one instant",
-                    "Leave one of the two out, or choose with `a if c else b`.",
-                )
-                elaborator.tell(WrongEvent(reset.span, what, hint))
+                hint = "Leave one of the two out, or choose with `a if c else b`."
+                elaborator.tell(WrongEvent(reset.span, f"`{action.words}` is set twice at one instant", hint))
             if sampling is not None and sampling.delay is not None and not _is_mode(elaborator, action.target):
                 elaborator.tell(LateStorage(reset.target.span, action.words))
             actions.append(action)
@@ -112,11 +110,12 @@ def _actions(
     """The assignment of an event; that of a list is one for each item. In an `every` these would read one another."""
     words = reset.target.words
     found = elaborator.lookup(reset.target, scope)
-    if isinstance(found, Items) and (sampled or found.columns):
-        raise Wrong(WrongType(reset.target.span, "One quantity", "a list", f"Set its items: `{words}[1] = …`."))
+    if isinstance(found, Items) and sampled:
+        hint = f"Set its items: `{words}{place(0, found.columns)} = …`."
+        raise Wrong(WrongType(reset.target.span, "One quantity", "a list", hint))
     items = found.items if isinstance(found, Items) else (found,)
     targets = [_target(elaborator, reset, item, elements) for item in items]
-    values = read_values(elaborator, reset.value, scope, items, f"`{words}`")
+    values = read_values(elaborator, reset.value, scope, found, f"`{words}`")
     named = [item.name for item in items] if isinstance(found, Items) else [words]
     return [Action(t, v, w, reset.span) for t, v, w in zip(targets, values, named, strict=True)]
 

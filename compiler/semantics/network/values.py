@@ -10,10 +10,10 @@ from ...algebra.expression import ZERO, select
 from ...algebra.formula import Bound, Formula
 from ...graph.units import ONE
 from ...syntax import tree
-from ..expressions.lists import columns_of, parts_of, sort_of
+from ..expressions.lists import parts_of, shape_of, shaped, sort_of
 from ..expressions.template import Typed
 from ..names.errors import DimensionMismatch, NotStatic, WrongType
-from ..names.scope import STATIC_ROLES, Scalar, Scope
+from ..names.scope import STATIC_ROLES, Items, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, suggestion, unit_hint
 from .elaborate import Elaborator
 
@@ -34,28 +34,21 @@ def read_value(
     elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
 ) -> Bound:
     """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
-    (bound,) = read_values(elaborator, value, scope, (target,), what, static)
+    (bound,) = read_values(elaborator, value, scope, target, what, static)
     return bound
 
 
 def read_values(
-    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, targets: tuple[Scalar, ...], what: str, static: bool = False
+    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, found: Scalar | Items, what: str, static: bool = False
 ) -> list[Bound]:  # fmt: skip
-    """New values of the items of a list, or of a single target. Raises `Wrong`."""
-    words = targets[0].choices if len(targets) == 1 else ()
+    """New values of the items of a list or matrix, or of a single target. Raises `Wrong`."""
+    targets = found.items if isinstance(found, Items) else (found,)
+    words = found.choices if isinstance(found, Scalar) else ()
     template = elaborator.template(_in_numbers(value, words) if words else value, scope)
     parts = parts_of(template.value)
-    if (
-        len(parts) != len(targets)
-        or columns_of(template.value)
-        or (len(targets) == 1 and parts[0] is not template.value)
-    ):
-        expected = (
-            ("A single number", "a list")
-            if len(targets) == 1
-            else (f"A list of {len(targets)}", sort_of(template.value))
-        )
-        raise Wrong(WrongType(value.span, *expected))
+    alike = shaped(parts[:1] * len(targets), found.columns) if isinstance(found, Items) else parts[0]
+    if shape_of(template.value) != shape_of(alike):
+        raise Wrong(WrongType(value.span, sort_of(alike).capitalize(), sort_of(template.value)))
     for target, typed in zip(targets, parts, strict=True):
         _check_kind(value, scope, target, typed, what)
     for slot in template.slots if static else ():
