@@ -127,6 +127,15 @@ def test_what_has_no_kink_has_its_area(law: str, place: float, width: float, way
     ) == pytest.approx(1, abs=allowed)
 
 
+def test_a_peak_that_is_never_met_costs_no_step_at_kinks() -> None:
+    """A step behind a kink has the size planned before it, also in a model whose peaks are looked for."""
+    text = "model A {{ signal x = integral(v, 1), v = integral(-(40*x + 30*abs(x - 0.3){more})/1 s, 0)/1 s; output y = x }}"
+    plain, more = (
+        bondgraph.load(text.format(more=m)).simulate(to=6, solver="explicit") for m in ("", " + exp(-((x - 50)/0.1)^2)")
+    )
+    assert (more.steps, more.final("y")) == (plain.steps, plain.final("y"))
+
+
 @pytest.mark.few(4)
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("width", [1e-6, 1e-3])

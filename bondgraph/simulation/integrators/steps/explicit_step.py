@@ -65,10 +65,10 @@ def explicit_step(s: IntegratorWorkspace) -> int:
                 if s.peak_count == 0:
                     break
                 put_cubic(s, size, s.state, s.new)
-                cut = first_peak(s, size, NODES, 0, 4)
-                if cut == 1.0:
+                share = first_peak(s, size, NODES, 0, 4)
+                if share == 1.0:
                     break
-                size *= cut
+                size *= share
                 continue
             rejected += 1  # the law has no value within the step
             size *= 0.5
