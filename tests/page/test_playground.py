@@ -128,6 +128,9 @@ def test_what_is_missing_is_told(site: Path, tmp_path: Path) -> None:
     packages = {n: {"file_name": f"{n}.whl", "depends": d} for n, d in {"numpy": [], "scipy": ["numpy", "blas"], "blas": [], "other": []}.items()}  # fmt: skip
     (tmp_path / "pyodide-lock.json").write_text(json.dumps({"packages": packages}), encoding="utf-8")
     assert playground.missing(tmp_path) == ["scipy.whl", "blas.whl"]
+    for broken in ("{", "[]", '{"packages": {}}'):
+        (tmp_path / "pyodide-lock.json").write_text(broken, encoding="utf-8")
+        assert "pyodide-lock.json" in playground.missing(tmp_path)
 
 
 def test_equal_folders_have_equal_archives(site: Path, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ async function start({ saved, file }) {
 function reply(answer, { id, path, body }) {
   let found;
   try { found = answer(path, body); } catch (problem) { found = { status: 500, words: problem.message }; }
-  if (path.startsWith("/changes?") && path === `/changes?since=${JSON.parse(found.words).version}`) waiting.push({ id, path, body });
+  if (path.startsWith("/changes?") && found.status === 200 && path === `/changes?since=${JSON.parse(found.words).version}`) waiting.push({ id, path, body });
   else postMessage({ id, ...found });
   if (!path.startsWith("/changes")) for (const request of waiting.splice(0)) reply(answer, request);
 }

@@ -35,9 +35,8 @@ def write_playground(folder: Path, out: Path) -> list[str]:
     out.mkdir(exist_ok=True)
     with replacing(out / "packages.zip") as stream, ZipFile(stream, "w", ZIP_DEFLATED) as archive:
         for name, path in sorted(_packed(folder)):
-            archive.writestr(
-                ZipInfo(name), path.read_bytes(), ZIP_DEFLATED
-            )  # without its time: equal files, equal bytes
+            # without its time: equal files, equal bytes
+            archive.writestr(ZipInfo(name), path.read_bytes(), ZIP_DEFLATED)
     shutil.copyfile(HERE / "scripts" / "worker.js", out / "worker.js")
     write_text(out / "index.html", page_text(session.page(), "worker"))
     return missing(out / "pyodide")
@@ -65,13 +64,15 @@ def missing(place: Path) -> list[str]:
     lacking = [name for name in CORE if not (place / name).is_file()]
     if not list(place.glob("pyodide.asm.*js")):
         lacking.append("pyodide.asm.mjs (pyodide.asm.js before 314)")
-    if "pyodide-lock.json" in lacking:
-        return [*lacking, *(f"{name}-….whl" for name in COMPILED)]
-    packages = json.loads((place / "pyodide-lock.json").read_text(encoding="utf-8"))["packages"]
     wanted = list(COMPILED)
-    for name in wanted:  # grows meanwhile
-        wanted += [n for n in packages[name]["depends"] if n not in wanted]
-    return lacking + [f for f in (packages[name]["file_name"] for name in wanted) if not (place / f).is_file()]
+    try:
+        packages = json.loads((place / "pyodide-lock.json").read_text(encoding="utf-8"))["packages"]
+        for name in wanted:  # grows meanwhile
+            wanted += [n for n in packages[name]["depends"] if n not in wanted]
+        files = [packages[name]["file_name"] for name in wanted]
+    except (OSError, ValueError, LookupError, TypeError):  # there is no list, or it is cut off, or another
+        return [*dict.fromkeys([*lacking, "pyodide-lock.json"]), *(f"{name}-….whl" for name in COMPILED)]
+    return lacking + [f for f in files if not (place / f).is_file()]
 
 
 def answers_of(folder: str, saved: Mapping[str, str], shown: str) -> Callable[[str, str | None], tuple[int, str]]:
