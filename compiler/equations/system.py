@@ -25,9 +25,8 @@ class Variable:
     name: str
     role: str
     unit: str = ""
-    value: float | None = (
-        None  # default of a parameter or input; of an unknown near which its solution lies, if the author says it
-    )
+    # default of a parameter or input; of an unknown, a value near its solution, if the author gives one
+    value: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,7 @@ class Assignment:
 
     An implicit one means `0 = formula(arguments)`, with the target among the arguments. `residual` is the implicit form, over variables, of
     an explicit assignment whose formula is not defined everywhere (a diode's voltage as a logarithm of its current): it replaces the explicit
-    form inside a loop, where an iteration may lead anywhere. `guess`: near which the solution of an implicit one lies, if the author says it.
+    form inside a loop, where an iteration may lead anywhere. `guess`: a value near the solution of an implicit one, if the author gives one.
     """
 
     target: int

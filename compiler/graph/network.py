@@ -149,7 +149,7 @@ class Named:
     """A parameter, constant, input, signal, mode or output, the rate of an expression, `der(x)`, or a "loop", a signal that depends on itself.
 
     `definition` computes it (None: it comes from outside; for a mode it is the start; of a rate it is the integral, x; of the unknown of a `solve` it
-    is zero). `value` is known if it is constant during a run; `guess`: near which the solution of a `solve` lies.
+    is zero). `value` is known if it is constant during a run; `guess`: a value near the solution of a `solve`.
     """
 
     name: str

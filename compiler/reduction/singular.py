@@ -53,9 +53,8 @@ class LinearLoops:
     places: Mapping[int, int]  # of variables among the operations
     explicit: frozenset[int]  # targets of explicit assignments
     free: frozenset[str]  # parameters that may take other values ("*": all may)
-    kept: dict[object, tuple[list[Sized | None], list[int]]] = field(
-        default_factory=dict
-    )  # of a sample, what settings do not move
+    # of a sample: values of the operations that settings do not move, and the places of the others
+    kept: dict[object, tuple[list[Sized | None], list[int]]] = field(default_factory=dict)
 
 
 def linear_loops(space: StateSpace, system: EquationSystem, free: frozenset[str]) -> LinearLoops:

@@ -21,9 +21,8 @@ HERE = Path(__file__).parent
 STYLES = ("page", "text", "diagram", "runs", "live", "print")
 SCRIPTS = ("numbers", "plot", "export", "measured", "solids", "mechanism", "diagram", "player", "sliders", "page")
 LIVE = ("editor", "suggestions", "live")
-ASKED: Mapping[
-    str, tuple[str, tuple[str, ...]]
-] = {  # who answers a page: what its policy allows for that, and further scripts
+# Who answers a page: what its policy allows for that, and further scripts.
+ASKED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "": ("", ()),
     "server": ("; connect-src 'self'", ("server", *LIVE)),
     "worker": ("; worker-src 'self'", ("playground", *LIVE)),

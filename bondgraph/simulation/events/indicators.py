@@ -62,9 +62,8 @@ class EventIndicators:
         self.all_strict = bool(self.strict.all())
         self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
         self.floor = np.zeros(len(self.places))  # rounding of roots that were zero at the last instant
-        self.slow = np.zeros(
-            len(self.places), dtype=bool
-        )  # roots that leave zero more slowly than a look ahead shows at once
+        # roots that leave zero more slowly than a look ahead shows at once
+        self.slow = np.zeros(len(self.places), dtype=bool)
 
     def measure(self, magnitude: Array) -> None:
         """Set the magnitudes of states and unknowns."""

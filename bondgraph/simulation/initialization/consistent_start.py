@@ -159,7 +159,7 @@ def _determined(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) ->
             return _determined(loops, made, full, at)
         left, *rest = _shown(loops.program, solutions[[best, *np.flatnonzero(apart)]], differ)
         notes.append(
-            f"nearest to its guess, of several solutions: {left}; not {'; '.join(rest)}; only being near holds the run to it"
+            f"nearest to its guess, of several solutions: {left}; not {'; '.join(rest)}; the run follows it from instant to instant"
         )
         solutions = solutions[~apart]
     return full, tuple(notes)

@@ -28,11 +28,8 @@ if TYPE_CHECKING:
 PILOT, PILOT_STEPS, PILOT_EVENTS = 1e-3, 1000, 40  # relative tolerance, most steps and events of a pilot run
 CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed steps is their cause
 MANY_EVENTS = 2000  # of a segment, from which on a sampled loop is looked at that grows
-GROWN, STEADY, GROWING = (
-    1.5,
-    0.9,
-    4,
-)  # least factor of a segment, and of one such factor to the next; number of segments in a row that show it
+# Least factor of a segment, and of one such factor to the next; number of segments in a row that show a growth without bound.
+GROWN, STEADY, GROWING = 1.5, 0.9, 4
 MOST_EVENTS = 10_000_000  # most events of one run
 
 

@@ -160,15 +160,8 @@ class _LawReader:
         forbidden = own_variables(self.kind, self.ports, "".join(v for v in "efqp" if v not in variables))
         paths = list(paths_of(self.definition))
         listed = _of_all_ports(self.row, self.ports, variables)
-        numbers = (
-            "parameter",
-            "constant",
-            "input",
-            "signal",
-            "solve",
-            "mode",
-            "index",
-        )  # no outputs, which a law does not read
+        # no outputs, which a law does not read
+        numbers = ("parameter", "constant", "input", "signal", "solve", "mode", "index")
         if all(getattr(self.scope.find(path.head), "role", "") in numbers for path in paths if path.words in listed):
             listed = {}  # names of the model, which such a law reads
         for path in paths:

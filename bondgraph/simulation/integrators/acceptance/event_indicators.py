@@ -14,11 +14,8 @@ from .zero_crossings import truth
 NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
 REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the magnitudes: how far the flow is followed to find a sign
 TRIES = len(REACHES)
-FAR, FARTHER, FURTHER = (
-    (1e-2, 1e-1),
-    2,
-    8,
-)  # reaches, their number, and iterations at them: a motion from rest as t^n shows itself in the n-th
+# Reaches, their number, and iterations at them: a motion from rest as t^n shows itself in the n-th.
+FAR, FARTHER, FURTHER = (1e-2, 1e-1), 2, 8
 SLOWLY = -2  # what `sought` says of a sign that these iterations have found
 AGREE = 0.5  # of a change: as well do two iterations agree that show it
 SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
