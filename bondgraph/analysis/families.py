@@ -14,7 +14,7 @@ from ..numerics.scales import nonzero
 from .operating_point import OperatingPoint
 
 ASTRIDE = (-0.7, 0.3)  # in magnitudes: places at which a family of rests is told from a fold
-SINGULAR = 1e-11
+SINGULAR = 1e-11  # relative to the largest singular value
 RESTING = 1e-6  # relative to the terms in a rate: a larger one is a motion
 
 
