@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, fields, replace
 
 from compiler.api import ELEMENT_KINDS, FileScope, ModelDefinition, Span, slot_defaults, tree
@@ -136,14 +136,41 @@ def _uses(node: object, home: _Home) -> Iterator[NameUse]:
             yield from _uses(node.arguments, home)
         case tree.Unit():
             yield from (NameUse(span, None, kind="unit") for _, _, span in node.factors)
-        case tree.LoopSyntax() | tree.Item() | tree.PortItem():
+        case tree.Item():
+            yield from _defined(home, node.name, node.span)
+            yield from _value(_parts(node), {word for word, _ in node.choices}, home)
+        case tree.LoopSyntax() | tree.PortItem():
             yield from _defined(home, node.name, node.span)
             yield from _uses(_parts(node), home)
+        case tree.Comparison() | tree.Reset() | tree.Set():
+            sides = [list(_path(side, home))[-1].name for side in _parts(node) if isinstance(side, tree.PathSyntax)]
+            yield from _value(_parts(node), {word for name in sides for word in _choices(name)}, home)
         case tree.SyntaxNode() | tree.Index():
             yield from _uses(_parts(node), home)
         case tuple():
             for part in node:
                 yield from _uses(part, home)
+
+
+def _value(node: object, words: Set[str], home: _Home) -> Iterator[NameUse]:
+    """Yield the occurrences in what may be one of several words, which are no names there."""
+    match node:
+        case tree.PathSyntax() if node.words in words:
+            yield NameUse(node.span, None, kind="word", reading=node.words)
+        case tree.ChoiceSyntax():
+            yield from _uses(node.condition, home)
+            yield from _value((node.value, node.otherwise), words, home)
+        case tuple():
+            for part in node:
+                yield from _value(part, words, home)
+        case _:
+            yield from _uses(node, home)
+
+
+def _choices(name: DeclaredName | None) -> tuple[str, ...]:
+    """The words that a parameter or a mode may be."""
+    item = None if name is None else name.node
+    return tuple(word for word, _ in item.choices) if isinstance(item, tree.Item) else ()
 
 
 def _parts(node: tree.SyntaxNode | tree.Index) -> tuple[object, ...]:
@@ -183,7 +210,7 @@ def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[NameUse
         named = target.names.get(attribute.name) if target is not home else None
         yield NameUse(span, named, kind="attribute")
         yield from _uses(attribute.target, replace(home, names=inner, in_law=True))
-        yield from _uses(attribute.value, home)
+        yield from _value(attribute.value, {*_choices(named)}, home)
 
 
 def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[NameUse]:

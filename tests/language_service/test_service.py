@@ -212,6 +212,33 @@ def test_a_width_is_renamed_wherever_it_stands(workspace: Workspace, tmp_path: P
     assert edited(text, edits, path) == text.replace("[n]", "[count]").replace("n = 3", "count = 3")
 
 
+def test_words_of_a_choice_are_no_names(workspace: Workspace, tmp_path: Path) -> None:
+    """A parameter that is called as a state of a mode, or as a word of a choice, is renamed where it is read as a number only."""
+    text = """model Part {
+  parameter kind: { a, b } = a
+  output y = 1 if kind == a else 2
+}
+model Main {
+  parameter a = 3
+  mode s: { a, b } = a {
+    b -> a when time > 0.5 s { n = n + a }
+  }
+  mode n = 0
+  when time > 0.2 s { s = a if n > a else b }
+  Part one { kind = a }
+  output x = a if s == a else n
+  experiment e { start s = a; set a = 4; simulate 0 .. 1 s }
+}
+"""
+    path, _ = opened(workspace, tmp_path, text)
+    edits = rename(workspace, path, text.index("a = 3"), "gain")
+    assert isinstance(edits, list)
+    new = text
+    for read in ("parameter a", "n + a", "n > a", "= a if s", "set a"):
+        new = new.replace(read, read.replace(" a", " gain"))
+    assert edited(text, edits, path) == new
+
+
 @pytest.mark.parametrize(
     ("word", "new", "why"),
     [("k: N", "r", "mean something else"), ("k: N", "F", "mean something else"), ("k: N", "x", "mean something else"), ("k: N", "s", "mean something else"), ("k: N", "2k", "no name"),
