@@ -316,7 +316,8 @@ def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
         first = elaborator.root.entries.get(path.split("[")[0].split(".")[0])
         if path in roles and roles[path] not in ("parameter", "input"):
             article = "an" if roles[path][:1] in "aeiou" else "a"
-            hint = f"It is {article} {roles[path]}; only parameters and inputs are set from outside."
+            what = "what a `solve` looks for" if roles[path] == "solve" else f"{article} {roles[path]}"
+            hint = f"It is {what}; only parameters and inputs are set from outside."
             elaborator.tell(UnknownName(override.span, path, "what can be set", hint))
         elif isinstance(first, Absent):
             elaborator.tell(AbsentName(override.span, path, first.branch, first.span))

@@ -157,6 +157,8 @@ def test_equations_that_a_run_refuses() -> None:
         ("solve x = 1 for x = 1, y = 2", "BG119"),
         ("solve x = 1 m for x = 1", "BG103"),
         ("solve x = 1 for x = time/1 s", "BG106"),
+        ("solve x = 1 for x = integral(1 [1/s], 0)", "BG106"),
+        ("solve x^2 = 4 for x = true", "BG111"),
         ("solve x[1] = 1 m, x[2] = 1 N for x = [1 m, 2 N, 0]", "BG111"),
         ("solve 3 = 4 for x = 1", "BG502"),
         ("solve x^2 = 1, x^3 = 1 for x = 1, y = 1", "BG502"),

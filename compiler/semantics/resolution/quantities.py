@@ -292,7 +292,7 @@ class QuantityResolver(MemoryResolver):
             return self._without_value(pending, declared)
         if isinstance(value, tree.Call) and value.function == "integral" and len(value.arguments) == 2:
             if pending.role in UNCHANGING_ROLES:
-                raise Wrong(NotStatic(value.span, f"The {pending.role} `{pending.name}`", f"{value.function}(…)"))
+                raise Wrong(NotStatic(value.span, _known(pending), f"{value.function}(…)"))
             return self._integral(value, scope, pending.name, pending.role, declared, pending.item.description or "")
         guesses = self.guesses
         template = self.template(value, scope, unit)
@@ -309,6 +309,8 @@ class QuantityResolver(MemoryResolver):
             )
             return Items(pending.name, items, columns_of(template.value))
         bound, (dimension,) = bounds[0], units
+        if template.value.truth and pending.role == "solve":
+            raise Wrong(WrongType(value.span, "A number", "a condition", "A guess is a number near the solution."))
         if template.value.truth:
             truth = select(bound.formula.expression, Number(1.0), ZERO)
             bound = Bound(Formula(bound.formula.arity, truth), bound.arguments)
@@ -365,8 +367,7 @@ class QuantityResolver(MemoryResolver):
         for slot in template.slots:
             scalar = self.scalar_at(slot, scope)
             if scalar.role not in STATIC_ROLES:
-                what = f"The {pending.role.replace('solve', 'guess of')} `{pending.name}`"
-                raise Wrong(NotStatic(slot.path.span, what, slot.words))
+                raise Wrong(NotStatic(slot.path.span, _known(pending), slot.words))
 
     def _enter_quantity(
         self, pending: Pending, suffix: str, bound: Bound, dimension: Dimension | None, span: Span
@@ -417,6 +418,11 @@ class QuantityResolver(MemoryResolver):
         description = pending.item.description or ""
         self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
         return Scalar(Quantity(name), dimension, pending.role, name)
+
+
+def _known(pending: Pending) -> str:
+    """A quantity whose value is known before the run, in words."""
+    return f"The {pending.role.replace('solve', 'guess of')} `{pending.name}`"
 
 
 def _as_signal(entered: Scalar | Items) -> Scalar | Items:
