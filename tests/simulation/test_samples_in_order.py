@@ -11,6 +11,8 @@ from scipy.linalg import expm
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.simulation.integration import event_integrator
+from bondgraph.simulation.integrators import exponential
+from bondgraph.simulation.segments.timeline import Segment
 from tests.compiling import compiled
 
 TARGETS = ["numpy", pytest.param("native", marks=pytest.mark.machine_code)]
@@ -236,3 +238,49 @@ def test_the_flat_text_means_the_same() -> None:
     again = bondgraph.load(model.text())
     found, other = model.simulate(to=2, points=11), again.simulate(to=2, points=11)
     np.testing.assert_allclose(found["pos"], other["pos"], rtol=0, atol=1e-14)
+
+
+HELD = """model H {
+  mode u = 0 N, r = 1 [N*s/m], k = 0
+  MSe pull : F = u PUSH
+  I mass   : p = 1 kg*v
+  MR drag  : F = r*v
+  pull -> 1(mass, drag)
+  every 10 ms { LINES }
+  output y = mass.p, w = u
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("push", "lines", "kept"),
+    [
+        ("", "u = 1 N - 1 [1/s]*mass.p", True),
+        ("", "k = k + 1; u = 0 N if k < 3 else 1 N - 1 [1/s]*mass.p if k < 6 else 0 N", True),  # rows of b come and go
+        ("", "u = 1 N; r = 1 [N*s/m] + 1 [1/m]*abs(mass.p)", False),  # another matrix each time
+        ("", "k = k + 1; u = 1 N; r = (1 if mod(k, 2) > 0 else 3)*1 [N*s/m]", True),
+        ("+ 1 N*step(time - 33 ms)", "u = 1 N - 1 [1/s]*mass.p", True),
+        ("+ 1 [N/s]*time", "u = 1 N - 1 [1/s]*mass.p", False),  # which no signal shows, as a step cannot miss it
+        ("+ u*time/1 s", "u = 1 N - 1 [1/s]*mass.p", False),
+        ("+ 1 N*sin(30 [rad/s]*time)", "u = 1 N - 1 [1/s]*mass.p", False),
+    ],
+)
+def test_a_form_kept_between_samples_is_the_one_built_anew(
+    push: str, lines: str, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = bondgraph.load(HELD.replace("PUSH", push).replace("LINES", lines))
+    found, held = [], exponential.Linear.held
+
+    def counted(self: exponential.Linear, stretch: Segment) -> exponential.Linear | None:
+        form = held(self, stretch)
+        found.append(form)
+        return form
+
+    monkeypatch.setattr(exponential.Linear, "held", counted)
+    results = [model.simulate(to=0.2, points=23, target="numpy", energy=energy) for energy in (False, True)]
+    assert (sum(form is not None for form in found) >= 30) == kept
+    monkeypatch.setattr(exponential.Linear, "held", lambda self, stretch: None)
+    for energy, result in enumerate(results):
+        anew = model.simulate(to=0.2, points=23, target="numpy", energy=bool(energy))
+        assert [anew[name].tobytes() for name in "yw"] == [result[name].tobytes() for name in "yw"]
+        assert anew.evaluations == result.evaluations

@@ -26,6 +26,8 @@ def settled(indicators: EventIndicators, at: HybridState) -> HybridState:
     seen: dict[bytes, int] = {}
     trail: list[Any] = []
     now = indicators.solved(at)
+    if not len(indicators.places) and not indicators.counted:
+        return now
     while True:
         key = now.mode.tobytes()
         if key in seen:

@@ -23,7 +23,8 @@ LOOKED_AT = 4097  # places of a segment that are searched for values that are no
 
 def exactly(stepper: IntegrationState, stretch: Segment, x: Array) -> Any | None:
     """Integrate a segment as `run`, from state x; return None if it cannot be done this way."""
-    form = exponential.linear_form(stepper.program, stepper.inputs, stepper.constants, stretch, stepper.whole)
+    fixed = stepper.program, stepper.inputs, stepper.constants
+    form = exponential.linear_form(*fixed, stretch, stepper.whole, stepper.forms)
     if form is None:
         return None
     form.share(stepper.exponentials)

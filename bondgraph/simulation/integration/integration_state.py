@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ..events.history import History
     from ..events.locate import Flip, StateAt
     from ..integrators.compiled.run import CompiledMethod
+    from ..integrators.exponential import Linear
     from ..segments.run_values import RunValues
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
@@ -114,7 +115,8 @@ class IntegrationState:
         self.position = 0  # index of the next instant to be reported
         self._signals: dict[tuple[float, bytes], Signals] = {}
         self.exponentials: dict[tuple[bytes, bytes], tuple[Any, Any, Any]] = {}  # of linear segments, by their matrices
-        self.blurred: dict[bytes, bool] = {}  # modes with a matrix that rounding changes too much
+        self.forms: dict[bytes, Linear] = {}  # linear forms checked so far, by matrix
+        self.blurred: dict[tuple[str, bytes], bool] = {}  # True for modes, and matrices, that rounding changes too much
         self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
         self.result = into if into is not None else empty(program, instants)
 

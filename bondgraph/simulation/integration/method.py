@@ -7,6 +7,7 @@ with kinks are given to Radau, whose steps end there.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,7 +62,7 @@ def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: b
     # Events return to modes that have been examined before.
     known, key = stepper.methods, np.asarray(stretch.mode).tobytes()
     if key not in known and len(known) >= ENOUGH:
-        return max(known.values(), key=list(known.values()).count)
+        return Counter(known.values()).most_common(1)[0][0]
     if key not in known:
         known[key] = _by_spectrum(stepper, stretch, x)
     return known[key]
@@ -123,17 +124,20 @@ def _obstacle(stepper: IntegrationState, stretch: Segment, solver: Solver, compi
 
 def _inexact(stepper: IntegrationState, stretch: Segment) -> str:
     """Return the property because of which the matrix exponential is not possible on a segment, of those that depend on numbers; empty if there is none."""
-    signals, key = stepper.signals(stretch), np.asarray(stretch.mode).tobytes()
+    signals = stepper.signals(stretch)
     if len(signals.allowed) and not signals.steady:
         return "signals"
-    if key not in stepper.blurred:
-        from ..integrators.exponential import is_blurred
-
+    blurred, mode = stepper.blurred, ("mode", np.asarray(stretch.mode).tobytes())
+    if mode not in blurred:
         magnitude, fixed = stepper.tolerances.magnitude, (stepper.inputs, stepper.constants, stretch.mode)
         matrix = np.asarray(stepper.program.jacobian(stretch.start, np.zeros(len(magnitude)), *fixed), dtype=float)
         matrix = matrix * magnitude / magnitude[:, None]
-        stepper.blurred[key] = not np.isfinite(matrix).all() or is_blurred(matrix, stepper.whole)
-    return "rounding" if stepper.blurred[key] else ""
+        if (key := ("matrix", matrix.tobytes())) not in blurred:  # the mode has what samples hold, too
+            from ..integrators.exponential import is_blurred
+
+            blurred[key] = not np.isfinite(matrix).all() or is_blurred(matrix, stepper.whole)
+        blurred[mode] = blurred[key]
+    return "rounding" if blurred[mode] else ""
 
 
 def _spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:

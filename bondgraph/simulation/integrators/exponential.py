@@ -11,7 +11,7 @@ Constants, matrices and states may have a leading axis, for runs that differ in 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import frexp, isqrt, ldexp
 from typing import Any
@@ -21,11 +21,13 @@ from numpy.polynomial import chebyshev
 
 from compiler.api import Array, Program
 
+from ...memo import keep
 from ..segments.timeline import Segment, inside, signals_on
 
 DEGREE = 10  # degree of the polynomials
 LARGEST = 200  # most states; and largest size of the augmented matrix
 LARGEST_MATRIX = 600
+MOST_FORMS = 16  # most checked forms that are kept in a run
 MOST_INTERVALS = 20_000  # most intervals of a run, in addition to the reported instants
 CLOSE = 1e-12  # error of b relative to its largest value
 BETWEEN = 1e-10  # the same at places between the nodes of the polynomials
@@ -81,6 +83,7 @@ class Linear:
     scale: Any  # scales of the states
     active: Any  # rows of b that are not zero everywhere
     seen: Any  # places at which b is checked whatever the intervals, rising
+    level: Any = None  # b of the balanced states, (active,), where time does not move it
     known: dict[float, tuple[Any, Any]] = field(default_factory=dict)  # E and G by the length of an interval
     near: dict[float, float] = field(default_factory=dict)  # the lengths in `known` by rounded length
     trusted: dict[float, bool] = field(default_factory=dict)  # True for lengths in `known` whose E is accurate
@@ -93,6 +96,22 @@ class Linear:
             for matrix in (matrix for matrix, active in others if active == key[1]):
                 common((np.frombuffer(matrix, np.int64).reshape(words.shape) == words).all(axis=(-2, -1)))
         self.known, self.near, self.trusted = others.setdefault(key, (self.known, self.near, self.trusted))
+
+    def held(self, stretch: Segment) -> Linear | None:
+        """Return the form on another segment with the same matrix, where only what is held there differs; None where more may."""
+        low, high = inside(stretch)
+        if _may_blur(self.norm, high - low):
+            return None
+        zero, inputs, constants = np.zeros(len(self.scale)), *self.fixed
+        given = self.program.derivative(low, zero, inputs, constants, stretch.mode)
+        last = self.program.derivative(high, zero, inputs, constants, stretch.mode)
+        if not np.isfinite(given).all() or (given != last).any():
+            return None
+        active = given.nonzero()[0]
+        if len(self.scale) + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
+            return None
+        level = (given / self.scale)[active]
+        return replace(self, stretch=stretch, active=active, level=level, known={}, near={}, trusted={})  # those of other rows
 
     def close_to(self, length: float) -> float:
         """Return a known length that is close enough for the first order of the difference to be exact to rounding; otherwise `length`."""
@@ -108,6 +127,10 @@ class Linear:
 
     def forcing(self, times: Array) -> Any:
         """Return b for the balanced states; shape (…, times, active)."""
+        if self.level is not None:
+            held = np.empty((*np.shape(times), len(self.active)))
+            held[...] = self.level
+            return held
         instants = np.clip(times, *inside(self.stretch)).reshape(-1)
         inputs, constants = self.fixed
         zero = np.zeros((len(instants), self.scale.shape[-1]))
@@ -164,16 +187,21 @@ def at_instants(values: Array) -> Array:
     return values[:, None] if values.ndim > 1 else values
 
 
-def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segment, length: float = 0.0) -> Linear | None:  # fmt: skip
+def linear_form(
+    program: Program, inputs: Array, constants: Array, stretch: Segment, length: float = 0.0, checked: dict[bytes, Linear] | None = None
+) -> Linear | None:  # fmt: skip
     """Return the affine form of a program on a segment, checked against its rates; None if it has none or is too large.
 
-    `length`: length of the run.
+    `length`: length of the run; `checked`: forms of its segments so far, by their matrices: between samples that set what is held the matrix stays.
     """
     count = len(program.states.names)
     if not 0 < count <= LARGEST or program.unknowns.names or np.size(program.periods(constants)):
         return None
     (low, high), each = inside(stretch), (-2, -1)
     matrix: Any = np.asarray(program.jacobian(low, np.zeros(count), inputs, constants, stretch.mode), dtype=float)
+    same = checked.get(matrix.tobytes()) if checked else None
+    if same is not None and (form := same.held(stretch)) is not None:
+        return form
     if not common(np.isfinite(matrix).all(axis=each)):
         return None
     scale = _scales(matrix)
@@ -201,7 +229,10 @@ def linear_form(program: Program, inputs: Array, constants: Array, stretch: Segm
     norm = np.abs(balanced).sum(axis=-2).max(axis=-1, initial=0.0)
     if common(_are_blurred(balanced, norm, high - low)):
         return None
-    return Linear(program, (inputs, constants), stretch, balanced, norm, scale, active, seen)
+    form = Linear(program, (inputs, constants), stretch, balanced, norm, scale, active, seen)
+    if checked is not None and program.hybrid is not None and program.hybrid.affine and not len(seen):
+        keep(checked, matrix.tobytes(), form, MOST_FORMS)
+    return form
 
 
 def _scales(matrix: Array) -> Any:
@@ -322,9 +353,11 @@ def intervals(form: Linear, instants: Array, longest: float) -> Intervals | None
     None if there would be too many.
     """
     stretch = form.stretch
-    inner = instants[(instants > stretch.start) & (instants < stretch.stop)]
+    inner = instants[instants.searchsorted(stretch.start, "right") : instants.searchsorted(stretch.stop)]
     edges = np.array([stretch.start, *inner, stretch.stop])
-    gaps = np.diff(edges)
+    gaps = edges[1:] - edges[:-1]
+    if form.level is not None and longest >= gaps.max():
+        return Intervals(edges[:-1], _few(gaps), np.arange(len(gaps)))
     longest = min(longest, float(gaps.max()))
     while True:
         parts = np.ceil(gaps / longest * (1 - 1e-9)).astype(int).clip(1)
@@ -387,6 +420,8 @@ def at(form: Linear, cut: Intervals, states: Array) -> Callable[[Any], Any]:
 
 def _few(lengths: Array) -> Any:
     """Return the lengths with those that differ by rounding alone made equal."""
+    if len(lengths) < 2:
+        return lengths
     result = np.array(lengths)
     order = np.argsort(lengths)
     groups = np.split(order, np.flatnonzero(np.diff(lengths[order]) > 1e-9 * lengths[order][1:]) + 1)
@@ -398,7 +433,7 @@ def _few(lengths: Array) -> Any:
 
 def _is_followed(form: Linear, starts: Array, lengths: Array) -> Any:
     """Return True, of each run, if b is a polynomial on each interval, to rounding."""
-    if not len(form.active):
+    if not len(form.active) or form.level is not None:
         return True
     values = form.forcing(starts[:, None] + lengths[:, None] * NODES)
     finite = np.isfinite(values).all(axis=(-3, -2, -1))
