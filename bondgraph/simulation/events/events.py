@@ -74,7 +74,7 @@ class Events(EventIndicators):
 
     def due(self, time: float) -> list[int]:
         """Return the sampled events that act at an instant."""
-        return [int(i) for i in self.sampled[due_at(self.sampling, time)]] if len(self.sampled) else []
+        return self.sampled[due_at(self.sampling, time)].tolist() if len(self.sampled) else []
 
     def happen(self, at: HybridState, flipped: BoolArray | None = None, due: Sequence[int] = ()) -> HybridState:
         """Return the hybrid state after all events at an instant.
@@ -112,7 +112,8 @@ class Events(EventIndicators):
             raise RunFailed(
                 "BR774", f"at t = {at.time:.9g} s {names} cause each other without end;", "let one of them ask for more"
             )
-        self._hold_slow(changed[now.mode[self.places[changed]] != at.mode[self.places[changed]]])
+        if len(changed):
+            self._hold_slow(changed[now.mode[self.places[changed]] != at.mode[self.places[changed]]])
         if not acted and len(changed):
             places = self.places[changed]
             self._contradict(now, changed[now.mode[places] == at.mode[places]], floor)

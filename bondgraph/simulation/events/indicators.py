@@ -58,6 +58,7 @@ class EventIndicators:
         self.measure(self.magnitude)
         self.places = np.array([c.position for c in hybrid.conditions], dtype=int)
         self.counted = list(hybrid.counted)
+        self.all_sampled = all(event.sampled for event in hybrid.events)
         self.strict = np.array([c.strict for c in hybrid.conditions], dtype=bool)
         self.all_strict = bool(self.strict.all())
         self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
@@ -128,7 +129,9 @@ class EventIndicators:
             at.mode[self.counted] = self.hybrid.counts(at.time, at.state, self.inputs, self.constants, at.mode)
 
     def triggers(self, at: HybridState) -> Any:
-        """Return a mask of the events whose conditions hold."""
+        """Return a mask of the events whose conditions hold; those of samples never do."""
+        if self.all_sampled:
+            return np.zeros(len(self.hybrid.events), dtype=bool)
         return self.hybrid.triggers(at.time, at.state, self.inputs, self.constants, at.mode) == 1.0
 
     def actives(self, at: HybridState) -> tuple[str, ...]:

@@ -111,7 +111,9 @@ class Linear:
         if len(self.scale) + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
             return None
         level = (given / self.scale)[active]
-        return replace(self, stretch=stretch, active=active, level=level, known={}, near={}, trusted={})  # those of other rows
+        return replace(
+            self, stretch=stretch, active=active, level=level, known={}, near={}, trusted={}
+        )  # those of other rows
 
     def close_to(self, length: float) -> float:
         """Return a known length that is close enough for the first order of the difference to be exact to rounding; otherwise `length`."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import ulp
+
 import numpy as np
 
-from compiler.api import Array, IntArray, random_number
+from compiler.api import Array, random_number
 
 from ...errors import RunFailed
 
@@ -52,13 +54,15 @@ def too_often(period: float, length: float) -> RunFailed:
     )
 
 
-def due_at(rows: Array, time: float) -> IntArray:
+def due_at(rows: Array, time: float) -> list[int]:
     """Return the numbers of the rows with a tick at an instant."""
-    periods = rows[:, 0]
-    close = CLOSE * np.spacing(np.maximum(abs(time), periods))
-    plain = rows[:, 1] + rows[:, 2]
-    missed = np.abs(time - (np.round((time - plain) / periods) * periods + plain))
-    for i in np.flatnonzero(rows[:, 3]):
-        near = np.floor((time - plain[i]) / periods[i]) + np.array([-1.0, 0.0, 1.0])
-        missed[i] = np.abs(time - ticks(rows[i], near)).min()
-    return np.flatnonzero(missed <= close)
+    due = []
+    for number, (period, offset, delay, jitter, _) in enumerate(rows.tolist()):
+        plain = offset + delay
+        missed = abs(time - (round((time - plain) / period) * period + plain))
+        if jitter:
+            near = np.floor((time - plain) / period) + np.array([-1.0, 0.0, 1.0])
+            missed = np.abs(time - ticks(rows[number], near)).min()
+        if missed <= CLOSE * ulp(max(abs(time), period)):
+            due.append(number)
+    return due

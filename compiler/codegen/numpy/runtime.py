@@ -21,7 +21,7 @@ def _select(condition, value, otherwise):
 
 def _leading(time, *arrays):
     """The leading axes that the arguments have together."""
-    if np.ndim(time) == 0 and all(np.ndim(a) < 2 for a in arrays):
+    if not np.asarray(time).ndim and max([np.asarray(a).ndim for a in arrays]) < 2:
         return ()
     return np.broadcast_shapes(np.shape(time), *(np.shape(a)[:-1] for a in arrays))
 
