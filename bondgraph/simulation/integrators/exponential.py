@@ -111,9 +111,8 @@ class Linear:
         if len(self.scale) + len(active) * (DEGREE + 1) > LARGEST_MATRIX:
             return None
         level = (given / self.scale)[active]
-        return replace(
-            self, stretch=stretch, active=active, level=level, known={}, near={}, trusted={}
-        )  # those of other rows
+        # its exponentials are those of other rows of b
+        return replace(self, stretch=stretch, active=active, level=level, known={}, near={}, trusted={})
 
     def close_to(self, length: float) -> float:
         """Return a known length that is close enough for the first order of the difference to be exact to rounding; otherwise `length`."""
