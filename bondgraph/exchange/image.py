@@ -134,7 +134,7 @@ def _events(hybrid: Hybrid, n: int) -> dict[str, Any]:
         "counts": len(hybrid.counted), "starts": len(hybrid.modes.names), "values": len(settings), "sampling": COLUMNS * len(sampled),
         "number": len(sampled), "triggers": c, "when": c, "intervals": KEPT * c,
     }  # fmt: skip
-    indicators: dict[str, Any] = {name: np.zeros(m) for name in ("root", "noise", "moved", "change", "again")}
+    indicators: dict[str, Any] = {name: np.zeros(m) for name in ("root", "noise", "moved", "change", "again", "seen")}
     indicators |= {name: _whole(m) for name in ("truth", "sought")}
     indicators |= {name: np.zeros(n) for name in ("rate", "later", "slope")}
     indicators |= {"n": n, "count": n, "root_count": m, "bracket": {}}

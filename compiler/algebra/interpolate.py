@@ -39,26 +39,35 @@ def segment(x: float, knots: Floats, count: int) -> int:
 
 
 def linear(order: int, x: float, knots: Floats, values: Floats, count: int) -> float:
-    """Straight lines between points, continued beyond the ends. `order` is the order of the derivative."""
+    """Straight lines between points, continued beyond the ends. `order` is the order of the derivative.
+
+    From the nearer point, so that no rounding leads beyond the value there: a plateau behind it would be passed on one side.
+    """
     i = segment(x, knots, count)
     slope = (values[i + 1] - values[i]) / (knots[i + 1] - knots[i])
+    if abs(knots[i + 1] - x) < abs(x - knots[i]):
+        i += 1
     return slope if order > 0 else values[i] + slope * (x - knots[i])
 
 
 def hermite(order: int, x: float, knots: Floats, values: Floats, slopes: Floats, count: int) -> float:
     """Cubic Hermite curve through points with slopes, straight beyond the ends. `order` is the order of the derivative."""
     i = segment(x, knots, count)
+    other = i + 1
+    if abs(knots[i + 1] - x) < abs(x - knots[i]):
+        other = i
+        i += 1
     a = knots[i]
     m = slopes[i]
-    n = slopes[i + 1]
-    h = knots[i + 1] - a
+    n = slopes[other]
+    h = knots[other] - a
     at = x
     if at < knots[0]:
         at = knots[0]
     if at > knots[count - 1]:
         at = knots[count - 1]
     d = at - a
-    secant = (values[i + 1] - values[i]) / h
+    secant = (values[other] - values[i]) / h
     c2 = (3.0 * secant - 2.0 * m - n) / h
     c3 = (m + n - 2.0 * secant) / (h * h)
     slope = m + d * (2.0 * c2 + 3.0 * d * c3)

@@ -58,6 +58,22 @@ def test_an_importer_handles_the_events_of_co_simulation(early: bool, tmp_path: 
     assert instants == pytest.approx(wanted, abs=1e-12)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_plateaus_at_zero_count_as_in_a_run(kind: str, tmp_path: Path) -> None:
+    """x = sin(t) in 0 … 10: an indicator that is zero for a while must have changed its sign."""
+    counts = {"max(x, 0) > 0": 2, "max(x, 0) == 0": 2, "min(x, 0.5) >= 0.5": 2, "min(x, 0.5) < 0.5": 3, "max(x - 0.5, 0) > 0": 2, "linear(x, (-1.1, -0.5, 0.2, 1.1), (0, 0.3, 0.3, 1)) > 0.3": 2}  # fmt: skip
+    modes = ", ".join(f"n{i} = 0" for i in range(len(counts)))
+    acts = "\n".join(f"when {condition} {{ n{i} = n{i} + 1 }}" for i, condition in enumerate(counts))
+    names = [f"c{i}" for i in range(len(counts))]
+    outputs = ", ".join(f"c{i} = n{i}" for i in range(len(counts)))
+    exported(
+        f"plain model A {{ signal x = integral(v, 0), v = integral(-x, 1)\n mode {modes}\n{acts}\n output {outputs} }}",
+        tmp_path,
+    )
+    found = run(tmp_path, kind, stop_time=10.0, output_interval=0.05, output=names)
+    assert [found[name][-1] for name in names] == list(counts.values())
+
+
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_communication_points_are_instants_but_for_rounding(fmi: str, tmp_path: Path) -> None:
     """0.1 + 0.2 is an ulp behind the sample at 0.3: neither that way nor what follows it is too short for a step."""

@@ -484,3 +484,40 @@ def test_what_fails_at_one_instant_does_not_act_again(condition: str, solver: st
 def test_an_equality_at_the_very_end_holds() -> None:
     text = "plain model M { signal x = integral(1, 0)\n mode n = 0\n when x >= 2 { n = n + 1 }\n output count = n }"
     assert run(text, 2.0).final("count") == 1
+
+
+@pytest.mark.parametrize("edge", [1e-3, 0.05, 0.29])
+@pytest.mark.parametrize(
+    "condition", ["max(x - {}, 0) > 0", "min(x, {}) >= {}", "linear(x, (-2, {}, 2), (0.3, 0.3, 1)) > 0.3"]
+)
+def test_a_plateau_in_which_a_run_begins_is_left_where_it_ends(condition: str, edge: float) -> None:
+    """The look ahead for motions from rest reached over its edge: the event acted at the start."""
+    written = condition.replace("{}", str(edge))
+    text = f"plain model M {{ signal x = integral(v, 0), v = integral(-9*x, 3)\n mode at = -1\n when {written} and at < 0 {{ at = time }}\n output y = at }}"
+    assert run(text, 2.0).final("y") == pytest.approx(np.arcsin(edge) / 3, abs=1e-6)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize(("sign", "count"), [(">", 2), ("<", 2), ("==", 4), ("!=", 4)])
+def test_a_law_that_comes_to_a_plateau_at_its_own_condition_is_zero_there(sign: str, count: int, target: str) -> None:
+    """Behind a dead zone's edge the condition had crossed zero with the branch before, which is not the law any more."""
+    text = f"""plain model M {{ signal x = integral(v, 0), v = integral(-x, 1)
+  signal dead = x - 0.2 if x > 0.2 else (x + 0.2 if x < -0.2 else 0)
+  mode n = 0
+  when dead {sign} 0 {{ n = n + 1 }}
+  output count = n }}"""
+    assert run(text, 10.0, target=target).final("count") == count
+
+
+@pytest.mark.machine_code
+@pytest.mark.parametrize("curve", ["linear", "monotone"])
+def test_rounding_leads_no_table_beyond_a_plateau(curve: str) -> None:
+    """-0.01 + 0.017 is beyond 0.007 by rounding: the rise to 0.007 % acted as one above it."""
+    table = f"{curve}(x, (-1.1, -0.098, 0.011, 1.1), (-1 %, 0.7 %, 0.7 %, 1.0333333333333332 %))"
+    text = f"""model M {{ signal x = integral(v, 0), v = integral(-x/1 [s^2], 1 [1/s])
+  mode above = 0, below = 0
+  when {table} > 0.7 % {{ above = above + 1 }}
+  when {table} < 0.7 % {{ below = below + 1 }}
+  output a = above, b = below }}"""
+    result = run(text, 20.0, solver="rodas")
+    assert (result.final("a"), result.final("b")) == (4, 3)

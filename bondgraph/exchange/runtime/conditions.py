@@ -10,8 +10,9 @@ from math import isfinite
 from compiler.api import Floats
 
 from ...simulation.events import mode_iteration
+from ...simulation.integrators.acceptance.crossing_search import LEAST
 from ...simulation.integrators.acceptance.event_indicators import REACHES, decide, doubt, evaluate, look_ahead
-from ...simulation.integrators.acceptance.zero_crossings import truth
+from ...simulation.integrators.acceptance.zero_crossings import FREE, truth
 from .instance import ERROR, OK, SLIDES, EventData, FmuInstance
 from .segment import INFINITE
 
@@ -169,7 +170,8 @@ def is_at_rest(s: FmuInstance) -> bool:
 def indicate(s: FmuInstance, indicators: Floats) -> None:
     """Compute event indicators: roots, shifted such that one leaves zero at its event and crosses it again only when the condition changes back.
 
-    Where a root has left zero, the shift is rounding again: else each event would be found a little farther behind its zero.
+    Where a root is clear of zero, its rounding level ends: else each event would be found a little farther behind its zero, and a plateau at zero, as of
+    `max(x, 0)`, not at all. The sign at zero is then that of the condition there.
     """
     e = s.events
     k = e.conditions
@@ -177,9 +179,10 @@ def indicate(s: FmuInstance, indicators: Floats) -> None:
     w.roots(s.time, s.state, w.inputs, w.constants, w.mode, k.root)
     for j in range(w.root_count):
         now = said(s, j)
-        if abs(k.root[j]) > e.floor[j] and truth(k.root[j], w.root_strict[j]) == now:
-            w.root_floor[j] = min(w.root_floor[j], e.floor[j])
-        shift = max(w.root_floor[j], 1e-300)
-        if now != 0:
+        if FREE * w.root_floor[j] < abs(k.root[j]) < INFINITE and truth(k.root[j], w.root_strict[j]) == now:
+            w.root_floor[j] = 0.0
+        holds = now if w.root_floor[j] > 0.0 else truth(0.0, w.root_strict[j])
+        shift = max(w.root_floor[j], LEAST)
+        if holds != 0:
             shift = -shift
         indicators[j] = k.root[j] + shift if isfinite(k.root[j]) else shift

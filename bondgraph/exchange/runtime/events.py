@@ -220,7 +220,6 @@ def steady(s: FmuInstance) -> None:
     look(s)
     for j in range(w.root_count):
         w.root_floor[j] = max(w.root_floor[j], 0.25 * k.noise[j])
-        e.floor[j] = w.root_floor[j]
         if truth(k.root[j], w.root_strict[j]) != said(s, j) and isfinite(k.root[j]):
             w.root_floor[j] = max(w.root_floor[j], 2.0 * abs(k.root[j]))
 

@@ -101,23 +101,30 @@ def _pick(values, i):
     return np.take_along_axis(np.broadcast_to(values, (len(values), *np.shape(i))), np.asarray(i)[None], axis=0)[0]
 
 
+def _ends(x, knots):
+    """The numbers of the nearer and of the other end of the interval of x."""
+    i = _segment(x, knots)
+    nearer = np.abs(_pick(knots, i + 1) - x) < np.abs(x - _pick(knots, i))
+    return i + nearer, i + 1 - nearer
+
+
 def _linear(order, x, knots, values):
     """Straight lines between points, continued beyond the ends; `order` counts derivatives."""
     knots, values = _points(knots), _points(values)
-    i = _segment(x, knots)
-    a, b, y = _pick(knots, i), _pick(knots, i + 1), _pick(values, i)
-    slope = (_pick(values, i + 1) - y) / (b - a)
+    i, j = _ends(x, knots)
+    a, y = _pick(knots, i), _pick(values, i)
+    slope = (_pick(values, j) - y) / (_pick(knots, j) - a)
     return slope if order else y + slope * (x - a)
 
 
 def _hermite(order, x, knots, values, slopes):
     """A curve of the third degree through points with slopes, straight beyond the ends; `order` counts derivatives."""
     knots, values, slopes = _points(knots), _points(values), _points(slopes)
-    i = _segment(x, knots)
-    a, y, m, n = _pick(knots, i), _pick(values, i), _pick(slopes, i), _pick(slopes, i + 1)
-    h = _pick(knots, i + 1) - a
+    i, j = _ends(x, knots)
+    a, y, m, n = _pick(knots, i), _pick(values, i), _pick(slopes, i), _pick(slopes, j)
+    h = _pick(knots, j) - a
     at = np.minimum(np.maximum(x, knots[0]), knots[-1])
-    d, secant = at - a, (_pick(values, i + 1) - y) / h
+    d, secant = at - a, (_pick(values, j) - y) / h
     c2, c3 = (3 * secant - 2 * m - n) / h, (m + n - 2 * secant) / h**2
     slope = m + d * (2 * c2 + 3 * d * c3)
     if order == 0:

@@ -17,6 +17,7 @@ TRIES = len(REACHES)
 # Reaches, their number, and iterations at them: a motion from rest as t^n shows itself in the n-th.
 FAR, FARTHER, FURTHER = (1e-2, 1e-1), 2, 8
 SLOWLY = -2  # what `sought` says of a sign that these iterations have found
+PART = 1e-6  # of the way to where a root is looked at ahead: a plateau, on which it is as here, ends beyond
 AGREE = 0.5  # of a change: as well do two iterations agree that show it
 SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
 ROUNDED = NOISE / SHARE
@@ -186,12 +187,13 @@ def look_ahead(k: IndicatorWorkspace) -> int:
         put_slope(k, span)
         put_later(k, span, k.slope)
         k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.again)
+        put_near(k, span)
         left = 0
         for j in range(k.root_count):
             if k.sought[j] > 0:
                 change = k.change[j] - k.root[j]
                 again = k.again[j] - k.root[j]
-                if change != 0.0 and max(abs(change), abs(again)) > CERTAIN * k.noise[j]:
+                if change != 0.0 and max(abs(change), abs(again)) > CERTAIN * k.noise[j] and not stays(k, j, again):
                     k.moved[j] = change if change * again > 0.0 else 0.0
                     k.sought[j] = -1
                 else:
@@ -214,9 +216,22 @@ def look_further(k: IndicatorWorkspace) -> int:
             for j in range(k.root_count):
                 k.change[j] = k.again[j]
             k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.again)
+            put_near(k, span)
             if find_slow(k) == 0:
                 return 0
+            put_later(k, span, k.slope)
     return 0
+
+
+def put_near(k: IndicatorWorkspace, span: float) -> None:
+    """Put the roots at a small part of the way along `slope` into `seen`."""
+    put_later(k, PART * span, k.slope)
+    k.roots(k.time + PART * span, k.later, k.inputs, k.constants, k.mode, k.seen)
+
+
+def stays(k: IndicatorWorkspace, j: int, change: float) -> bool:
+    """Return True if a root does not leave zero now: it is on a plateau, which ends before its change ahead shows."""
+    return k.seen[j] == k.root[j] and k.noise[j] < PART * abs(change)
 
 
 def find_slow(k: IndicatorWorkspace) -> int:
@@ -226,7 +241,8 @@ def find_slow(k: IndicatorWorkspace) -> int:
         if k.sought[j] > 0:
             change = k.change[j] - k.root[j]
             again = k.again[j] - k.root[j]
-            if abs(again) > CERTAIN * k.noise[j] and abs(again - change) <= AGREE * abs(again):
+            agree = abs(again) > CERTAIN * k.noise[j] and abs(again - change) <= AGREE * abs(again)
+            if agree and not stays(k, j, again):
                 k.moved[j] = again
                 k.sought[j] = SLOWLY
             else:
@@ -248,6 +264,8 @@ def decide(k: IndicatorWorkspace) -> int:
                 k.truth[j] = 1 if k.moved[j] < 0.0 else 0
                 if k.steers[j] == 0 or k.truth[j] == truth(k.root[j], k.strict[j]):
                     k.floor[j] = 0.25 * k.noise[j]
+            elif k.root[j] == 0.0 and k.noise[j] == 0.0:  # a plateau: no rounding moves it
+                k.truth[j] = truth(0.0, k.strict[j])
             if k.sought[j] == SLOWLY:
                 k.floor[j] = max(k.floor[j], k.relative / NOISE * k.noise[j])
     return 0
