@@ -107,7 +107,9 @@ def test_two_ways_out_at_one_instant_are_refused() -> None:
     ],
 )
 def test_wrong_states(line: str, code: str) -> None:
-    mistake(f"model A {{\n  {line}\n  output y = time\n}}\n", code)
+    assert (
+        "--set" not in mistake(f"model A {{\n  {line}\n  output y = time\n}}\n", code).help
+    )  # modes are not set from outside
 
 
 def test_the_graph_is_that_of_numbers() -> None:

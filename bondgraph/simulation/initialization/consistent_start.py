@@ -116,9 +116,8 @@ def _assembled(
     constraints.assembled = choose_rows(constraints, time, x, mode)
     x = constraints.project(time, x, mode)
     value = claims(x)
-    size = np.abs(
-        x
-    )  # a value that must be zero has the size of the mechanism, and of its motion, by which rounding is measured
+    # a value that must be zero has the size of the mechanism, and of its motion, by which rounding is measured
+    size = np.abs(x)
     size[: constraints.count] += ROUNDING * measures(constraints, time, x, mode)
     terms = size[size > 0]
     reach = np.abs(slopes_of(claims, x, size > 0, terms)) @ terms if value.any() else np.abs(value)

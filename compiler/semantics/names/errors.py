@@ -85,10 +85,10 @@ class WrongArguments(Diagnostic):
 class MissingValue(Diagnostic):
     code = "BG110"
     title = "{role} `{name}` has no value"
-    advice = 'Give it one where it is declared, or set it: in an instance `{{ {short} = … }}`, on the command line `--set "{name}=…"`.'
+    advice = "Give it one where it is declared{otherwise}."
     role: str
     name: str
-    short: str
+    otherwise: str
     instance: Span | None = None
 
     def related(self) -> tuple[tuple[Span, str], ...]:

@@ -323,7 +323,12 @@ class QuantityResolver(MemoryResolver):
         if not self.part and pending.role != "solve":
             roles = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}
             role = roles.get(pending.role, "Signal")
-            self.tell(MissingValue(item.span, role, pending.name, item.name, pending.owner.base().stands))
+            settable = pending.role in ("parameter", "input")
+            ways = (
+                f', or set it: in an instance `{{ {item.name} = … }}`, on the command line `--set "{pending.name}=…"`'
+            )
+            instance = pending.owner.base().stands
+            self.tell(MissingValue(item.span, role, pending.name, ways if settable else "", instance))
             raise AlreadyTold
         self.quantities[pending.name] = Named(
             pending.name, pending.role, str(declared or ONE), None, None, item.span, item.description or ""
