@@ -232,6 +232,7 @@ class Phase:
             self.program, self.constants, self.inputs, self.instants, self.tolerances,
             self._solution().powers if self.options.energy else None, self.watch, self.constraints, choice, self.compilation.certificate.linear,
             events, self.off, self.history, self.options.solver, self.leaving, self.extremes,
+            all(loop.linear or loop.unique for loop in self.compilation.certificate.loops),
         )  # fmt: skip
 
     def _solution(self) -> PhaseSolution:

@@ -230,3 +230,57 @@ def test_a_solution_is_kept_where_junctions_switch() -> None:
     )
     found = bondgraph.load(text).simulate(to=4, points=9)
     assert found["a"] == pytest.approx(3 * found.time + 1, rel=1e-6)
+
+
+FOLLOWED = [  # equations, and the branch nearest to the guess
+    ("solve (z - 3*time)^2 = 1 for z = 1", lambda t: 3 * t + 1),
+    ("solve (z - 30*sin(time))^2 = 1 for z = -2", lambda t: 30 * np.sin(t) - 1),
+    ("solve abs(z - 3*sin(time)) = 1 for z = 1.2", lambda t: 3 * np.sin(t) + 1),
+    ("signal u = z - 2*sin(time)\n  solve u^3 = u for z = 0.1", lambda t: 2 * np.sin(t)),
+    ("solve sin(z - 2*time) = 0.5 for z = 0.5", lambda t: 2 * t + np.pi / 6),
+    ("solve (z - 2*time)*(y + time) = 6, (z - 2*time) + (y + time) = 5 for z = 2.9, y = 2.1", lambda t: 2 * t + 3),
+    ("for i in 1..2 { solve (x[i] - i*sin(time))^2 = 1 for x[i] = 1.2 }\n  signal z = x[1] + x[2]", lambda t: 3 * np.sin(t) + 2),
+    ("solve (z - 3*sin(time))^2 = (1 if z > 0 else 1) for z = 1.2", lambda t: 3 * np.sin(t) + 1),
+    ("solve z + (sqrt(z) if z > 0 else z) = 2 - time for z = 1", lambda t: np.where(t < 2, (np.sqrt(np.abs(2.25 - t)) - 0.5) ** 2, 1 - t / 2)),
+    ("mode k = 1\n  when time > 4 { k = 2 }\n  solve (u - 3*k*time)^2 = 1 for u = 1.2\n  signal z = u - 3*k*time", lambda t: 0 * t + 1),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", range(len(FOLLOWED)))
+def test_a_model_without_states_stays_on_its_branch(case: int) -> None:
+    """Solutions that move past each other: the numbers do not depend on the reported instants."""
+    equations, branch = FOLLOWED[case]
+    model = bondgraph.load(f"plain model A {{\n  {equations}\n  output a = z\n}}\n")
+    for points in (2, 24):
+        found = model.simulate(to=3.9 if "when" in equations else 10, points=points, target="numpy")
+        assert found["a"] == pytest.approx(branch(found.time), rel=1e-9, abs=1e-9)
+
+
+def test_extremes_and_runs_with_other_values_along_a_branch() -> None:
+    model = bondgraph.load(
+        "plain model A {\n  parameter w = 3\n  solve (z - w*sin(time))^2 = 1 for z = 1.2\n  output a = z\n}\n"
+    )
+    found = model.simulate(to=9, points=3, extremes=True, target="numpy")
+    extremes = found.extremes("a")
+    assert (extremes.minimum, extremes.maximum) == pytest.approx((-2.0, 4.0), rel=1e-9)
+    runs = model.simulate_many([{"w": float(w)} for w in (-4, 5)], to=9, points=2, target="numpy")
+    assert [r.final("a") for r in runs] == pytest.approx([w * math.sin(9) + 1 for w in (-4, 5)])
+
+
+@pytest.mark.parametrize(
+    ("equation", "end"),
+    [
+        ("solve z^3 - 3*z = time - 1 for z = -2", 3),  # a fold, with another solution far away
+        ("solve z^2 = (time - 1)^2 for z = 1", 1),  # two branches cross where a segment ends
+    ],
+)
+def test_a_branch_that_ends_or_meets_another(equation: str, end: float) -> None:
+    for points in (2, 9):
+        with pytest.raises(RunFailed, match="ends, or meets others") as caught:
+            solved_in(equation, points)
+        assert float(str(caught.value).split("t = ")[1].split(" s")[0]) == pytest.approx(end, abs=1e-6)
+
+
+def solved_in(equation: str, points: int) -> bondgraph.Result:
+    model = bondgraph.load(f"plain model A {{\n  {equation}\n  output a = z\n}}\n")
+    return model.simulate(to=5, points=points, target="numpy")

@@ -63,7 +63,8 @@ class PhaseProblem:
 
     `tolerances` need a pilot run, so they are found on use. `powers` are integrated along the solution, outside the error control. `watch` checks
     each accepted step. `linear`: the rates are affine in the states. `off`: junctions that are off in this program. `solver`: one of
-    `compiler.solvers.SOLVERS`. `leaving`: modal truncation at a bandwidth. `extremes`: monitor of those of the outputs, if wanted.
+    `compiler.solvers.SOLVERS`. `unique`: loops are proved to have one solution. `leaving`: modal truncation at a bandwidth. `extremes`: monitor of those of
+    the outputs, if wanted.
     """
 
     program: Program
@@ -82,6 +83,7 @@ class PhaseProblem:
     solver: str = AUTOMATIC
     leaving: ModeTruncation | None = None
     extremes: ExtremesMonitor | None = None
+    unique: bool = False
 
     @property
     def is_exact(self) -> bool:
@@ -97,6 +99,7 @@ class IntegrationState:
         program, constants, instants = problem.program, problem.constants, problem.instants
         self.watch, self.constraints, self.extremes = problem.watch, problem.constraints, problem.extremes
         self.choice, self.leaving, self.solver = problem.choice, problem.leaving, problem.solver
+        self.unique = problem.unique
         self.linear = problem.is_exact  # True if the matrix exponential is tried
         self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
         self.mode: Any = None  # mode at the end of the last segment

@@ -1,4 +1,4 @@
-"""Segment of a model without states: its loops are solved at each instant."""
+"""Segment of a model without states: its loops are solved at each instant, along the branch of the solution at its start where there may be several."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 
 from compiler.api import Array
 
+from ...errors import StepsCollapsed
 from ..monitors.extremes import PLACES, ExtremesMonitor
 from ..segments.timeline import Segment
 
 if TYPE_CHECKING:
+    from ..loops.continuation import Continuation
     from .integration_state import IntegrationState
 
 PANELS = 32  # of a segment
@@ -20,30 +22,47 @@ PANELS = 32  # of a segment
 
 def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
     """Solve the loops at each instant, each from the solution before it; there is nothing to integrate."""
+    branch = _branch(stepper, stretch, x)
 
     def states_at(times: Array, exactly: bool = True) -> Any:
         """Return the solutions in the present mode, which are exact in any case."""
+        if branch is not None:
+            return branch.at(times)
         return stepper.loops.solve_all(times, np.tile(x, (len(times), 1)), stretch.mode)
 
-    if stepper.extremes is not None:
-        _look_between(stepper, stepper.extremes, stretch, states_at)
-    inner = stepper.instants[(stepper.instants > stretch.start) & (stepper.instants < stretch.stop)]
-    stepper.watch.look(np.array([stretch.start, *inner, stretch.stop]), stretch.mode, states_at)
+    def look(times: Array, panels: int) -> None:
+        if stepper.extremes is not None:
+            _look_between(stepper, stepper.extremes, stretch.up_to(times[0], times[-1]), states_at, panels)
+        stepper.watch.look(times, stretch.mode, states_at)
+
+    if branch is None:
+        inner = stepper.instants[(stepper.instants > stretch.start) & (stepper.instants < stretch.stop)]
+        look(np.array([stretch.start, *inner, stretch.stop]), PANELS)
     before = stretch.start
     while before < stretch.stop:
         inside = stepper.position < len(stepper.instants) and stepper.instants[stepper.position] < stretch.stop
         now = stepper.instants[stepper.position] if inside else stretch.stop
-        if now - before > stepper.longest:
-            now, inside = before + stepper.longest, False
+        most = before + stepper.longest
+        if branch is not None:
+            try:
+                most = min(most, branch.beyond(before))
+            except StepsCollapsed as told:
+                if not stepper.flips_just_ahead(told, stretch) or stepper.flip is None:
+                    raise
+                return stepper.flip.state
+        if now > most:
+            now, inside = most, False
         stretch = stepper.follow(before, now, stretch, states_at)
         stop = now if stepper.flip is None else stepper.flip.time
+        if branch is not None:
+            look(np.array([before, stop]), 1)
         if stepper.powers is not None:
             stepper.add_work(before, stop, states_at, stretch)
         if stepper.history is not None:
             stepper.history.keep((before, stop), states_at, stepper.inputs, stretch.mode, stepper.tolerances.relative)
         if stepper.flip is not None:
             return stepper.flip.state
-        x = stepper.loops.solve(now, x, stretch.mode)
+        x = stepper.loops.solve(now, x, stretch.mode) if branch is None else branch.at(np.array([now]))[0]
         if inside:
             stepper.result.states[stepper.position] = x
             stepper.position += 1
@@ -55,13 +74,33 @@ def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any
     return x
 
 
+def _branch(stepper: IntegrationState, stretch: Segment, x: Array) -> Continuation | None:
+    """Return the branch of a solution; None where there surely is no second one: then it need not be followed. The proof is for the signs in the text."""
+    loops, program = stepper.loops, stepper.program
+    proved = stepper.unique and (np.sign(stepper.constraints.parameters) == np.sign(program.defaults)).all()
+    if proved or loops.affine or not len(loops.magnitude) or not stretch.start < stretch.stop:
+        return None
+    from ..loops.continuation import Continuation
+
+    return Continuation(loops, stretch.start, x, stretch.mode, stretch.stop, _places(stepper, stretch))
+
+
+def _places(stepper: IntegrationState, stretch: Segment) -> Any:
+    """Return the places of narrow signals on a segment."""
+    functions = stepper.program.time_functions
+    return stepper.signals(stretch).times if functions is not None and functions.narrow else np.empty(0)
+
+
 def _look_between(
-    stepper: IntegrationState, extremes: ExtremesMonitor, stretch: Segment, states_at: Callable[[Array], Any]
+    stepper: IntegrationState,
+    extremes: ExtremesMonitor,
+    stretch: Segment,
+    states_at: Callable[[Array], Any],
+    panels: int,
 ) -> None:
     """Search the solutions of a segment for the extremes of the outputs, on panels, which the places of narrow signals divide."""
-    edges, functions = np.linspace(stretch.start, stretch.stop, PANELS + 1), stepper.program.time_functions
-    if functions is not None and functions.narrow:
-        edges = np.unique(np.clip(np.concatenate([edges, stepper.signals(stretch).times]), *edges[[0, -1]]))
+    edges = np.linspace(stretch.start, stretch.stop, panels + 1)
+    edges = np.unique(np.clip(np.concatenate([edges, _places(stepper, stretch)]), *edges[[0, -1]]))
     times = np.minimum(edges[:-1, None] + np.diff(edges)[:, None] * PLACES, stretch.stop)
     states = states_at(times.reshape(-1))
     extremes.look(times, states.reshape(*times.shape, states.shape[-1]), stretch.mode)

@@ -239,12 +239,12 @@ class LoopSolver:
             found.put(given)
         return found
 
-    def residual(self, time: float, state: Array, mode: Array, unknowns: Array) -> Any:
+    def residual(self, time: Array | float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the residuals of the loop equations; `unknowns` may have a leading axis."""
         full = self._full(state, unknowns)
         return self.program.derivative(time, full, self.inputs, self.constants, mode)[..., self.count :]
 
-    def matrix(self, time: float, state: Array, mode: Array, unknowns: Array) -> Any:
+    def matrix(self, time: Array | float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the derivatives of the residuals by the unknowns (last axis); `unknowns` may have a leading axis."""
         full = self._full(state, unknowns)
         entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
