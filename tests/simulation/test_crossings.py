@@ -521,3 +521,10 @@ def test_rounding_leads_no_table_beyond_a_plateau(curve: str) -> None:
   output a = above, b = below }}"""
     result = run(text, 20.0, solver="rodas")
     assert (result.final("a"), result.final("b")) == (4, 3)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_condition_whose_branch_changes_with_it_is_judged_anew(target: str) -> None:
+    """|x| by two branches crosses zero under each of them, and is positive on both sides: the second one acted at each zero of x."""
+    text = "plain model M { signal x = integral(v, 0), v = integral(-x, 1)\n mode n = 0\n when (x if x > 0 else -x) > 0 { n = n + 1 }\n output count = n }"
+    assert run(text, 10.0, target=target).final("count") == 1

@@ -213,7 +213,10 @@ class EventIntegrator(SegmentIntegrator):
             mode[events.places[flip.conditions]] = 1.0 - mode[events.places[flip.conditions]]
             after = HybridState(flip.time, flip.state, mode)
             events.count_in(after)
-            if events.rising(after) or (events.hybrid.junctions and events.actives(after) != self.off):
+            # a root that reads the branch of another condition did not cross in the new one
+            old, new = (events.roots(after.time, after.state, m) for m in (stretch.mode, mode))
+            moves = not np.array_equal(old, new, equal_nan=True)
+            if moves or events.rising(after) or (events.hybrid.junctions and events.actives(after) != self.off):
                 self.flip = flip
                 break
             if events.steers[flip.conditions].any() and not self._passes(flip, stretch.mode, mode, state_at):

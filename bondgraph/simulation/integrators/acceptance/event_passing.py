@@ -251,7 +251,7 @@ def judged(e: EventWorkspace, start: float, stop: float) -> int:
             steers += k.steers[j]
     if switches(e):
         return LEFT
-    if find_rising(e) > 0:
+    if find_rising(e) > 0 or moves_others(e):
         return FOUND
     if steers > 0:
         return FOUND if laws_differ(e, start, stop) else LEFT
@@ -264,6 +264,18 @@ def judged(e: EventWorkspace, start: float, stop: float) -> int:
         s.mode[i] = k.mode[i]
     put_said(e)
     return THROUGH
+
+
+def moves_others(e: EventWorkspace) -> bool:
+    """Return True if a condition that crosses is read by the root of another: that one's truth is not what it has crossed under the branch before."""
+    s = e.solver
+    k = e.conditions
+    s.roots(k.time, k.state, s.inputs, s.constants, s.mode, k.root)
+    s.roots(k.time, k.state, s.inputs, s.constants, k.mode, k.change)
+    for j in range(s.root_count):
+        if k.root[j] != k.change[j] and (isfinite(k.root[j]) or isfinite(k.change[j])):
+            return True
+    return False
 
 
 def find_rising(e: EventWorkspace) -> int:
