@@ -199,6 +199,15 @@ def test_rates_in_a_loop_that_is_cut_anywhere(order: str) -> None:
     assert found["a"] == pytest.approx(found["b"], rel=1e-9)
 
 
+@pytest.mark.parametrize(("power", "points"), [(3, 3), (3, 101), (5, 7)])
+def test_a_root_that_begins_where_it_has_no_slope(power: int, points: int) -> None:
+    """The equation says nothing of the size of w at the start, where its slope is zero."""
+    run = bondgraph.load(f"plain model A {{\n  solve w^{power} = time for w = 0\n  output y = w\n}}\n").simulate(
+        to=3, points=points
+    )
+    np.testing.assert_allclose(run["y"][1:], run.time[1:] ** (1 / power), rtol=1e-7)
+
+
 def test_a_declared_unit_of_a_loop_is_read_in_it() -> None:
     assert solved("  signal z: m = z - ((z + 1 m)^3 - 8 [m^3])/(40 [m^2])\n  output a = z", "").final(
         "a"

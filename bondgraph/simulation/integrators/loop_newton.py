@@ -187,6 +187,11 @@ def measured_loops(s: LoopSystem) -> int:
     return 1 if residual(s, s.z, s.value) and measure(s) else 0
 
 
+def holds(s: LoopSystem) -> int:
+    """Return 1 if unknowns solve the equations by the magnitudes that they have there: those of a singular start may hide any correction."""
+    return 1 if residual(s, s.z, s.value) and newton_step(s) and relative_step(s, LEAST) < ARRIVED else 0
+
+
 def through_inverse(s: LoopSystem, i: int, sizes: Floats) -> float:
     """Return how far residuals of some sizes move an unknown."""
     total = 0.0

@@ -193,7 +193,11 @@ class LoopSolver:
         if self.affine:
             return self._multipliers(times, states, mode)
         if self.unknown and len(times):
-            return self.measured(times[0], states[0], mode).solve_all(times, states, mode)
+            found = self.measured(times[0], states[0], mode).solve_all(times, states, mode)
+            for k in range(len(times)):
+                if not self._with_inputs(k).system(times[k], found[k], mode, slice(None)).call("holds"):
+                    found[k] = self._with_inputs(k).solve(times[k], found[k], mode)
+            return found
         found, known = self.solved(times, states, mode)
         for k in np.flatnonzero(~known).tolist():
             guess = states[k]

@@ -13,7 +13,7 @@ from ..linear_algebra.balancing import balance
 from ..linear_algebra.eliminations import plan_eliminations, put_rows
 from ..linear_algebra.least_degree import least_degree
 from ..linear_algebra.sparse import real_factors
-from ..loop_newton import measured_loops, solve_rows
+from ..loop_newton import holds, measured_loops, solve_rows
 from ..methods import EXPLICIT, EXPONENTIAL, SHARED
 from ..pilot.loop import coarse, last_step
 from ..pilot.step import euler
@@ -25,7 +25,7 @@ SOURCES: dict[str, Callable[..., Any]] = {
     for function in (
         begin, advance, advance_through, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt, look_ahead, decide, keep,
         reread, survey, narrow, least_singular_values, project_all, rates_projected, balance, real_factors, least_degree, plan_eliminations, put_rows,
-        measured_loops, solve_rows,
+        holds, measured_loops, solve_rows,
     )
 }  # fmt: skip
 SOURCES |= {step.__name__: step for step in STEPS}
