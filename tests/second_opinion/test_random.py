@@ -118,7 +118,7 @@ def test_what_is_not_certain_is_undecided() -> None:
         second(tied, 0.6, points=3)
 
 
-REPORTED = (*range(500714, 500720), *range(603168, 603173), 2000433, 2000438, 2001132, 2006555, 2008950)
+REPORTED = (*range(500714, 500720), *range(603168, 603173), 2000433, 2000438, 2001132, 2006555, 2008950, 9100936)
 
 
 @pytest.mark.few(8)

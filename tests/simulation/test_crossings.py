@@ -497,7 +497,7 @@ def test_a_plateau_in_which_a_run_begins_is_left_where_it_ends(condition: str, e
     assert run(text, 2.0).final("y") == pytest.approx(np.arcsin(edge) / 3, abs=1e-6)
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", BOTH)
 @pytest.mark.parametrize(("sign", "count"), [(">", 2), ("<", 2), ("==", 4), ("!=", 4)])
 def test_a_law_that_comes_to_a_plateau_at_its_own_condition_is_zero_there(sign: str, count: int, target: str) -> None:
     """Behind a dead zone's edge the condition had crossed zero with the branch before, which is not the law any more."""
@@ -523,7 +523,7 @@ def test_rounding_leads_no_table_beyond_a_plateau(curve: str) -> None:
     assert (result.final("a"), result.final("b")) == (4, 3)
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", BOTH)
 def test_a_condition_whose_branch_changes_with_it_is_judged_anew(target: str) -> None:
     """|x| by two branches crosses zero under each of them, and is positive on both sides: the second one acted at each zero of x."""
     text = "plain model M { signal x = integral(v, 0), v = integral(-x, 1)\n mode n = 0\n when (x if x > 0 else -x) > 0 { n = n + 1 }\n output count = n }"

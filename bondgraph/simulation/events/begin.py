@@ -64,6 +64,7 @@ def with_modes(program: Program, first: Segment, modes: Mapping[str, float]) -> 
 def with_mode(space: CompiledScene, constraints: Constraints, state: Array, first: Segment, horizon: float) -> Segment:
     """Return the first segment with the mode that fits the consistent initial state. Raises `RunFailed` if there is none."""
     indicators = EventIndicators(constraints, np.abs(state), horizon)
+    indicators.record.put({"until": first.stop})
     mode = indicators.guess(HybridState(first.start, state, first.mode))
     seen = set()
     for _ in range(MOST_MODES):
@@ -95,6 +96,7 @@ def begun(
 ) -> tuple[Events, HybridState]:
     """Return the events of a run, and the hybrid state after all events at its beginning."""
     events = Events(constraints, np.abs(full), horizon, companion=companion)
+    events.record.put({"until": first.stop})
     events.units = units_of(
         events.hybrid, dict(zip(events.sampled.tolist(), events.sampling[:, 0], strict=True)), first.start
     )
@@ -117,6 +119,7 @@ def continued(
     full = carried_over(constraints, state, first, begin)
     mode = with_discrete_variables(hybrid, first.mode, begin.modes)
     events = Events(constraints, np.abs(full), horizon, begin.units, dict(begin.on), companion=companion)
+    events.record.put({"until": first.stop})
     known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
     events.measure(np.where(known > 0, known, events.magnitude))
     mode = events.guess(HybridState(first.start, full, mode))

@@ -99,6 +99,7 @@ class EventIndicators:
         found = copy(self)
         found.constraints, found.inputs, found.constants = constraints, constraints.inputs, constraints.constants
         found.record = indicator_record(found.program, found.inputs, found.constants, found.horizon)
+        found.record.put({"until": self.record["until"]})
         found.measure(magnitude)
         return found
 

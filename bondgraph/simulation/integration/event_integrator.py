@@ -50,6 +50,7 @@ class EventIntegrator(SegmentIntegrator):
     def run_to_end(self, stretch: Segment, x: Array, first: bool) -> Any:
         """Integrate one segment, from event to event; return the state at its end."""
         events, result = self.events, self.result
+        events.record.put({"until": stretch.stop})
         now = HybridState(stretch.start, x, stretch.mode)
         if first:
             self._stop_at(now.time)

@@ -46,6 +46,7 @@ class IndicatorWorkspace(Record):
     strict: Ints  # m: 1 where the condition does not hold at zero
     steers: Ints  # m: 1 where a law reads it, not only events
     horizon: float  # length of the run, s
+    until: float  # end of the segment, s: beyond it other conditions on time hold
     relative: float  # tolerance of the run; 0 where it is not known
     magnitude: Floats  # n: 0 where it is not known
     # the hybrid state
@@ -206,7 +207,8 @@ def look_ahead(k: IndicatorWorkspace) -> int:
 def look_further(k: IndicatorWorkspace) -> int:
     """Iterate on where `look_ahead` shows nothing: of a chain of states at rest one moves after the other."""
     for r in range(FARTHER):
-        span = FAR[r] * k.whole
+        left = k.until - k.time
+        span = min(FAR[r] * k.whole, 0.5 * left) if left > 0.0 else FAR[r] * k.whole
         put_later(k, span, k.rate)
         for j in range(k.root_count):
             k.again[j] = k.root[j]

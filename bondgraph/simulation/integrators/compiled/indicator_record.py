@@ -18,7 +18,7 @@ from .record_layout import RecordArray
 MASKS = "converged", "near", "unsure", "shown", "crosses", "dipping"
 SHARED = "inputs", "constants", "horizon"
 # what `evaluate` leaves behind for `look_ahead`
-EVALUATED = "time", "state", "mode", "root", "noise", "flows", "rate", "whole", "sought", "moved"
+EVALUATED = "time", "until", "state", "mode", "root", "noise", "flows", "rate", "whole", "sought", "moved"
 
 
 def _room(program: Program, constants: Array) -> dict[str, Any]:
@@ -28,6 +28,7 @@ def _room(program: Program, constants: Array) -> dict[str, Any]:
     numbers: dict[str, Any] = {"n": n, "count": count, "root_count": m}
     numbers |= dict.fromkeys(("time", "whole", "low", "high", "found", "relative"), 0.0)
     numbers |= dict.fromkeys(("flows", "near_count", "unsure_count", "clear_count", "suspect_count"), 0)
+    numbers["until"] = np.inf
     arrays = {name: np.zeros(n) for name in ("magnitude", "state", "rate", "later", "slope")}
     arrays |= {name: np.zeros(m) for name in ("root", "noise", "moved", "change", "again", "floor", "seen", "scale", "error", "variation")}  # fmt: skip
     arrays |= {
