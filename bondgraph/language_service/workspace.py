@@ -70,9 +70,8 @@ class Workspace:
             file = self.project.scope(path) if file is None else file
             with uncollected():
                 found: dict[tuple[int, str], NameUse] = {}
-                for use in occurrences(
-                    file, document.tree.statements
-                ):  # transitions name their mode where it is declared
+                # Transitions name their mode where it is declared.
+                for use in occurrences(file, document.tree.statements):
                     found.setdefault((use.span.offset, use.span.source.name), use)
                 listed = [found[place] for place in sorted(found)]
             before = self._occurrences[path] = (file, listed)

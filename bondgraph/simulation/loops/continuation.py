@@ -71,9 +71,8 @@ class Continuation:
                 self.step = 2.0 * (time - start)
                 return self._keep(time, ends[0])
             size = 0.5 * min(size, time - start)
-        for gap in (
-            smallest * GAPS
-        ):  # a rate that is infinite at one instant, as of the root of t, or at which two branches meet
+        # A rate that is infinite at one instant, as of the root of t, or at which two branches meet.
+        for gap in smallest * GAPS:
             time = min(start + gap, end)
             (there,), solved = self.loops.solved(np.array([time]), last[None], self.mode)
             sign = self._first_corrections(np.array([time]), there[None])[1]
