@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
 
 from .analysis import AnalysisCall, analysis, picture_option
 from .error_reporting import FAILED
-from .options import jobs_option, journal_option, setting, settings_by_name, shared_out, show_progress
+from .options import Command, jobs_option, journal_option, setting, settings_by_name, shared_out, show_progress
 
 
 @analysis("benchmark")
@@ -53,14 +53,18 @@ def stress(asked: AnalysisCall, duration: str, vary: Sequence[str], seed: int, t
         raise click.exceptions.Exit(FAILED)
 
 
+def of_option(usual: str) -> Callable[[Command], Command]:
+    """Return the option for what a study makes at each of its points."""
+    kinds = click.Choice(["equilibrium", "modes", "simulate"])
+    return click.option("--of", "of", multiple=True, type=kinds, help=f"What is made at each point ({usual}).")
+
+
 @analysis("sweep")
 @click.option(
     "--over", "over", multiple=True, required=True, metavar='"NAME=V, V…"',
     help="Values of a parameter or input: `k=1 N/m, 2 N/m`, or `k=1 N/m .. 2 N/m : 11`; several times: a grid.",
 )  # fmt: skip
-@click.option(
-    "--of", "of", multiple=True, type=click.Choice(["equilibrium", "modes", "simulate"]), help="What is made at each point (simulate)."
-)  # fmt: skip
+@of_option("simulate")
 @click.option("--together", is_flag=True, help="No grid: the first values of all, the second ones and so on.")
 @click.option("--to", metavar="TIME", help="Where simulations end.")
 @jobs_option
@@ -88,9 +92,7 @@ def sweep(
 @click.option(
     "--correlation", "correlations", multiple=True, metavar='"NAME, NAME=R"', help="Of a Gaussian copula; 0 if left out."
 )  # fmt: skip
-@click.option(
-    "--of", "of", multiple=True, type=click.Choice(["equilibrium", "modes", "simulate"]), help="What is made at each point (modes)."
-)  # fmt: skip
+@of_option("modes")
 @click.option("--samples", type=int, default=1000, metavar="N", help="How many points (1000).")
 @click.option("--seed", type=click.IntRange(0), default=0, metavar="N", help="Of the quasi-random points (0).")
 @click.option(
