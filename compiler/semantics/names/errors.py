@@ -34,9 +34,10 @@ class DimensionMismatch(WordedDiagnostic):
 class DuplicateName(Diagnostic):
     code = "BG104"
     title = "The name `{name}` is already taken in this model"
-    advice = "Rename one of the two."
+    advice = "{hint}"
     name: str
     first: Span
+    hint: str = "Rename one of the two."
 
     def related(self) -> tuple[tuple[Span, str], ...]:
         return ((self.first, "it was first used here"),)

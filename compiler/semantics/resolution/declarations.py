@@ -92,6 +92,9 @@ class Declarations(ParameterSets):
             scope.entries[name] = entry
             self.tell(DuplicateName(first, name, span))
             return
+        if isinstance(entry, Pending) and entry.role == "output" and entry.value is None:
+            hint = f"An experiment reads it as it is, `report {name}`; an output has a name of its own, `output {name}_out = {name}`."
+            raise Wrong(DuplicateName(span, name, first, hint))
         raise Wrong(DuplicateName(span, name, first))
 
     def widths(self, width: tree.Index | None, scope: Scope, name: str) -> Sequence[tuple[int, ...]]:
