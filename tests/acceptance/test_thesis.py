@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -44,6 +45,31 @@ def test_everything_agrees(tmp_path: Path) -> None:
     assert all(abs(x) < 0.3 for r in turned for x in r[7:10])  # nm: with the term that they lack
     text = page.read_text(encoding="utf-8")
     assert "## Errata" in text and text.count("| agrees") == len(told["values"])
+
+
+def test_twelve_joints_of_one_freedom_are_three_joints_of_three() -> None:
+    """What section 4.1 built, with the forces (3.11) to (3.13), moves as the flexures of one energy, in the same count of states."""
+    model = bondgraph.load(MODELS / "thesis" / "body_editor.bg")
+    found = model.simulate("push_x", rtol=1e-9)
+    assert found.final("x") == pytest.approx(9.67584e-6, rel=1e-6)
+    for name in ("x", "y", "phi"):
+        np.testing.assert_allclose(found[name], found[f"{name}_written"], rtol=0, atol=1e-9 * np.abs(found[name]).max())
+    pairs = np.sort([m.frequency for m in model.modes().modes]).reshape(-1, 2)
+    assert len(pairs) == 6
+    np.testing.assert_allclose(pairs[:, 0], pairs[:, 1], rtol=1e-12)
+
+
+def test_ring_gives_way_below_the_stage() -> None:
+    """Legs and leaves in a row, three of them around: z, tilt and x of the ring by hand; in x the stage adds its own."""
+    stage, upper = (bondgraph.load(MODELS / "thesis" / name) for name in ("stacked.bg", "stage.bg"))
+    loads = {"fx": 1e-9, "fz": 1e-9, "mx": 1e-12}
+    still = stage.equilibrium(settings=loads)
+    b, across, along, leg = 2e-3, 20.0, 1500.0, 1 / (1 / 15 + 1 / 1500)
+    alone = upper.equilibrium(settings={"fx": 1e-9})["x"]
+    assert still["z"] == pytest.approx(1e-9 / (3 * leg), rel=1e-6)
+    assert still["rx"] == pytest.approx(1e-12 / (1.5 * (b**2 * leg + 4e-7 + 1e-7)), rel=1e-6)
+    assert still["stage.ring.x"] == pytest.approx(1e-9 / (1.5 * (across + along)), rel=1e-6)
+    assert still["x"] == pytest.approx(alone + 1e-9 / (1.5 * (across + along)), rel=1e-6)
 
 
 LIST = """
