@@ -60,7 +60,8 @@ if TYPE_CHECKING:
     from .graph.network import Node as GraphNode
     from .graph.prune import adjustable, derivative_wishes, preferring
     from .graph.units import PREFIXES, UNITS, Dimension, Scale
-    from .linking.elf_library import SharedLibrary, link
+    from .linking.layout import SharedLibrary
+    from .linking.link import link
     from .metamorphosis.reductions import smallest
     from .metamorphosis.text_changes import TEXT_CHANGES, Inapplicable, TextChange, TextScene, scene_of
     from .persistent_cache import CacheBackend

@@ -118,7 +118,7 @@ def explain(
     help="Kind of program: numpy, c, casadi, jax, modelica, diffsl. By default what the ending means.",
 )
 @click.option(
-    "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64."
+    "--platforms", metavar="NAMES", help="Of an FMU, separated by commas: linux64 (by default), linux-aarch64, win64."
 )
 @click.option("--fmi", metavar="VERSION", help="Of an FMU: 2 (by default) or 3.")
 @click.option(

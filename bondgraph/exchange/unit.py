@@ -47,6 +47,8 @@ _MATHEMATICS = frozenset((
 ))  # fmt: skip
 _MEMORY = frozenset(("calloc", "free", "malloc", "memcmp", "memcpy", "memmove", "memset", "strcmp", "strlen"))
 _GNU = (("libm.so.6", _MATHEMATICS), ("libc.so.6", _MEMORY))
+# The second has what a function calls that needs more than a page of the stack.
+_WINDOWS = (("ucrtbase.dll", _MATHEMATICS | _MEMORY), ("ntdll.dll", frozenset({"__chkstk"})))
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,7 @@ PLATFORMS: Mapping[str, FmuPlatform] = {
     for p in (
         FmuPlatform("linux64", {"2.0": "linux64", "3.0": "x86_64-linux"}, _GNU),
         FmuPlatform("linux-aarch64", dict.fromkeys(("2.0", "3.0"), "aarch64-linux"), _GNU),
+        FmuPlatform("win64", {"2.0": "win64", "3.0": "x86_64-windows"}, _WINDOWS, ".dll"),
     )
 }
 

@@ -165,8 +165,8 @@ class Shown(AnalysedModel):
         """Write the model as a functional mock-up unit of FMI 2.0 or 3.0 for other tools: model exchange and co-simulation, without a C compiler.
 
         All parameters can be set, all inputs are free; with an experiment, its settings hold. Start, stop and tolerance are those of the experiment, or of
-        the first one. `ports`: open ports, as `{"tip": "effort"}`, which is an input then, `tip_F`, and the flow an output,
-        `tip_v`. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, OSError.
+        the first one. `platforms`: `linux64`, `linux-aarch64`, `win64`. `ports`: open ports, as `{"tip": "effort"}`, which is an input then, `tip_F`,
+        and the flow an output, `tip_v`. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, OSError.
         """
         from ..exchange.unit import fmu
         from ..files import replacing

@@ -24,7 +24,10 @@ LIBRARY = (
 _view: Any = (ctypes.c_char * 0).from_buffer  # of arrays without items, too
 # Platforms that libraries are made for: LLVM's name of each, and its least processor. Names without `gnu` keep LLVM from calling
 # functions that only one C library has, such as `sincos`.
-PLATFORMS = {"linux64": ("x86_64-unknown-linux", "x86-64"), "linux-aarch64": ("aarch64-unknown-linux", "generic")}
+PLATFORMS = {
+    "linux64": ("x86_64-unknown-linux", "x86-64"), "linux-aarch64": ("aarch64-unknown-linux", "generic"),
+    "win64": ("x86_64-pc-windows-msvc", "x86-64"),
+}  # fmt: skip
 # Cost up to which level 1 copies a function to its calls, in LLVM's units, which copies up to 225.
 LARGEST_INLINED = 25
 AS_WRITTEN = -1  # a level: the text with the best instructions, but without optimization passes

@@ -6,6 +6,18 @@ import struct
 from collections.abc import Iterator, Sequence
 
 from ..fast_dataclass import dataclass
+from .object_file import (  # fmt: skip
+    MOST_BYTES,
+    LinkError,
+    ObjectFile,
+    ObjectSymbol,
+    Relocation,
+    Section,
+    checked_section,
+    checked_sections,
+    fields_of,
+    text_at,
+)
 
 HEADER, SECTION, SYMBOL, RELOCATION = "<QQHHIQQQIHHHHHH", "<IIQQQQIIQQ", "<IBBHQQ", "<QQq"
 BEGINNING = 0x00010102464C457F  # the first eight bytes: ELF, 64 bits, least byte first, version 1
@@ -13,58 +25,7 @@ RELOCATABLE = 1
 PROGBITS, SYMTAB, RELA, NOBITS, REL, GROUP = 1, 2, 4, 8, 9, 17
 WRITE, ALLOC, EXECUTE, THREAD_LOCAL, COMPRESSED = 1, 2, 4, 0x400, 0x800
 UNDEFINED, FIRST_SPECIAL = 0, 0xFF00
-FUNCTION, INDIRECT = 2, 10  # types of symbols; the second is chosen when the library is loaded
-MOST_BYTES = 1 << 28  # of one section, and of all
-MOST_ALIGNED = 4096  # a page
-
-
-class LinkError(ValueError):
-    """Object code that cannot be linked: it is damaged, or asks for what no library of ours has."""
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """Part of an object that comes to memory. `data` is empty where it begins as zeros."""
-
-    name: str
-    data: bytes
-    size: int
-    alignment: int
-    writable: bool
-    executable: bool
-
-
-@dataclass(frozen=True, slots=True)
-class ObjectSymbol:
-    """Name in an object. `section` is None for one that another object or library defines."""
-
-    name: str
-    section: int | None
-    value: int
-    size: int
-    visible: bool
-    function: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Relocation:
-    """PatchPlace in a section where the address of a symbol is put, in a way that `kind` names."""
-
-    section: int
-    offset: int
-    kind: int
-    symbol: int
-    addend: int
-
-
-@dataclass(frozen=True, slots=True)
-class ElfObject:
-    """Object file: sections that come to memory by their numbers, all symbols, and relocations."""
-
-    machine: int
-    sections: dict[int, Section]
-    symbols: tuple[ObjectSymbol, ...]
-    relocations: tuple[Relocation, ...]
+INDIRECT = 10  # type of a symbol that is chosen when the library is loaded
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,33 +44,33 @@ class _Header:
     entry: int
 
 
-def read_object(data: bytes) -> ElfObject:
+def read_elf(data: bytes) -> ObjectFile:
     """Return the parts of an object file. Raises `LinkError`."""
     machine, headers, names = _headers(data)
     if any(h.kind in (REL, GROUP) for h in headers):
         raise LinkError("the object has sections that are not supported")
-    if any(_text(names, h.name).startswith(".rela") and not _is_whole(h, headers, names) for h in headers):
+    if any(text_at(names, h.name).startswith(".rela") and not _is_whole(h, headers, names) for h in headers):
         raise LinkError("a table of relocations is damaged")
-    sections = {i: _section(data, h, _text(names, h.name)) for i, h in enumerate(headers) if _is_loaded(h, names)}
-    if sum(s.size for s in sections.values()) > MOST_BYTES:
-        raise LinkError("the object is too large")
+    sections = checked_sections(
+        {i: _section(data, h, text_at(names, h.name)) for i, h in enumerate(headers) if _is_loaded(h, names)}
+    )
     tables = [h for h in headers if h.kind == SYMTAB]
     if len(tables) != 1:
         raise LinkError("the object has no table of symbols, or several")
     symbols = tuple(_symbols(data, headers, tables[0], sections))
-    return ElfObject(machine, sections, symbols, tuple(_relocations(data, headers, sections, len(symbols))))
+    return ObjectFile(machine, sections, symbols, tuple(_relocations(data, headers, sections, len(symbols))))
 
 
 def _headers(data: bytes) -> tuple[int, list[_Header], bytes]:
     """Return the machine, the table of sections, and the text of their names."""
-    fields = _fields(HEADER, data, 0)
+    fields = fields_of(HEADER, data, 0)
     beginning, kind, machine, offset = fields[0], fields[2], fields[3], fields[7]
     width, count, naming = fields[12], fields[13], fields[14]
     if beginning != BEGINNING or kind != RELOCATABLE:
         raise LinkError("this is no ELF object of 64 bits")
     if width != struct.calcsize(SECTION) or not 0 < count < FIRST_SPECIAL or naming >= count:
         raise LinkError("the table of sections is damaged")
-    headers = [_Header(*_fields(SECTION, data, offset + width * i)) for i in range(count)]
+    headers = [_Header(*fields_of(SECTION, data, offset + width * i)) for i in range(count)]
     return machine, headers, _content(data, headers[naming])
 
 
@@ -117,28 +78,21 @@ def _is_whole(header: _Header, headers: Sequence[_Header], names: bytes) -> bool
     """Return True if a table of relocations is one of the section that its name says."""
     if header.kind != RELA or header.info >= len(headers):
         return False
-    return _text(names, header.name) == f".rela{_text(names, headers[header.info].name)}"
+    return text_at(names, header.name) == f".rela{text_at(names, headers[header.info].name)}"
 
 
 def _is_loaded(header: _Header, names: bytes) -> bool:
     """Return True for what comes to memory; tables for unwinding do not, as nothing is thrown."""
-    loaded = header.flags & ALLOC and header.kind in (PROGBITS, NOBITS) and _text(names, header.name) != ".eh_frame"
+    loaded = header.flags & ALLOC and header.kind in (PROGBITS, NOBITS) and text_at(names, header.name) != ".eh_frame"
     if loaded and header.flags & (THREAD_LOCAL | COMPRESSED):
         raise LinkError("the object has data of single threads, or compressed ones")
     return bool(loaded)
 
 
 def _section(data: bytes, header: _Header, name: str) -> Section:
-    alignment = max(header.alignment, 1)
-    if alignment & (alignment - 1) or alignment > MOST_ALIGNED or header.size > MOST_BYTES:
-        raise LinkError(f"section {name} is damaged")
     flags = bool(header.flags & WRITE), bool(header.flags & EXECUTE)
-    if all(flags):
-        raise LinkError(f"section {name} is to be written and to be executed")
     content = b"" if header.kind == NOBITS else _content(data, header)
-    if not content and header.size and not flags[0]:
-        raise LinkError(f"section {name} has no content")
-    return Section(name, content, header.size, alignment, *flags)
+    return checked_section(Section(name, content, header.size, max(header.alignment, 1), *flags))
 
 
 def _symbols(data: bytes, headers: Sequence[_Header], table: _Header, sections: dict[int, Section]) -> Iterator[ObjectSymbol]:  # fmt: skip
@@ -153,7 +107,7 @@ def _symbols(data: bytes, headers: Sequence[_Header], table: _Header, sections: 
         section = sections.get(number) if number is not None else None
         if section is not None and value + size > section.size:
             raise LinkError("a symbol lies outside of its section")
-        yield ObjectSymbol(_text(names, name), number, value, size, information >> 4 != 0, information & 15 == FUNCTION)
+        yield ObjectSymbol(text_at(names, name), number, value, size, information >> 4 != 0)
 
 
 def _relocations(data: bytes, headers: Sequence[_Header], sections: dict[int, Section], symbols: int) -> Iterator[Relocation]:  # fmt: skip
@@ -164,14 +118,6 @@ def _relocations(data: bytes, headers: Sequence[_Header], sections: dict[int, Se
             if information >> 32 >= symbols or abs(addend) > MOST_BYTES:
                 raise LinkError("a relocation is damaged")
             yield Relocation(header.info, offset, information & 0xFFFFFFFF, information >> 32, addend)
-
-
-# ---------------------------------------------------------------- bytes
-def _fields(form: str, data: bytes, offset: int) -> tuple[int, ...]:
-    try:
-        return struct.unpack_from(form, data, offset)
-    except (struct.error, OverflowError):
-        raise LinkError("the object is cut off") from None
 
 
 def _rows(form: str, data: bytes, header: _Header) -> Iterator[tuple[int, ...]]:
@@ -185,10 +131,3 @@ def _content(data: bytes, header: _Header) -> bytes:
     if header.kind == NOBITS or header.offset + header.size > len(data):
         raise LinkError("the object is cut off")
     return data[header.offset : header.offset + header.size]
-
-
-def _text(names: bytes, place: int) -> str:
-    end = names.find(b"\0", place)
-    if end < 0:
-        raise LinkError("a name of the object is cut off")
-    return names[place:end].decode("utf-8", "replace")

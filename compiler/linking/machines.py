@@ -1,6 +1,7 @@
 """Processors: how an address is put into an instruction, and what the loader of a library is told of it.
 
-x86-64: System V ABI, AMD64 supplement, section 4.4. AArch64: ELF for the Arm 64-bit architecture, section 5.7.
+x86-64: System V ABI, AMD64 supplement, section 4.4; of Windows: PE Format, COFF relocations. AArch64: ELF for the Arm 64-bit
+architecture, section 5.7.
 """
 
 from __future__ import annotations
@@ -9,14 +10,14 @@ import struct
 from collections.abc import Callable, Mapping
 
 from ..fast_dataclass import dataclass
-from .elf_object import LinkError
+from .object_file import LinkError
 
 PAGE = 0x1000
 
 
 @dataclass(frozen=True, slots=True)
 class PatchPlace:
-    """PatchPlace to be written: the image, its own address, and the address (with the addend) to be put there."""
+    """Place to be written: the image, its own address, and the address (with the addend) to be put there."""
 
     image: bytearray
     at: int
@@ -31,7 +32,7 @@ class Machine:
     """A processor. `direct` kinds of relocation take the address of a symbol, `through` those of its entry in the table of addresses.
 
     `absolute` is the kind of a whole address in data. `at_load` are the numbers for the loader: address of a name in the table,
-    address relative to the library, address of a name in data.
+    address relative to the library, address of a name in data (0: that of a jump to the name takes its place).
     """
 
     number: int
@@ -64,6 +65,18 @@ X86_64 = Machine(
     number=62, absolute=1,
     direct={2: _relative, 4: _relative}, through={9: _relative, 41: _relative, 42: _relative},
     at_load=(6, 8, 1), page=PAGE, jump_size=8, jump=_jump_x86,
+)  # fmt: skip
+
+
+def _from_start(place: PatchPlace) -> None:
+    _number(place, "<I", place.address)
+
+
+# What its addends lack of the end of an instruction, the reader of objects has taken off.
+X86_64_WINDOWS = Machine(
+    number=0x8664, absolute=1,
+    direct={3: _from_start, **dict.fromkeys(range(4, 10), _relative)}, through={},
+    at_load=(0, 10, 0), page=PAGE, jump_size=8, jump=_jump_x86,
 )  # fmt: skip
 
 
@@ -117,4 +130,4 @@ AARCH64 = Machine(
     at_load=(1025, 1027, 257), page=0x10000, jump_size=16, jump=_jump_arm,
 )  # fmt: skip
 
-MACHINES: Mapping[int, Machine] = {m.number: m for m in (X86_64, AARCH64)}
+MACHINES: Mapping[int, Machine] = {m.number: m for m in (X86_64, AARCH64, X86_64_WINDOWS)}

@@ -345,19 +345,23 @@ def test_what_a_unit_cannot_hold_is_named(part: str, words: str) -> None:
 def test_the_command_writes_units(tmp_path: Path) -> None:
     (tmp_path / "m.bg").write_text(SPRING, encoding="utf-8")
     out = tmp_path / "m.fmu"
-    arguments = ["compile", str(tmp_path / "m.bg"), "-o", str(out), "--platforms", "linux64,linux-aarch64"]
+    arguments = ["compile", str(tmp_path / "m.bg"), "-o", str(out), "--platforms", "linux64,linux-aarch64,win64"]
     assert CliRunner().invoke(commands, [*arguments, "--experiment", "swing"]).exit_code == 0
     first = out.read_bytes()
     with zipfile.ZipFile(out) as archive:
         folders = {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")}
-    assert folders == {"linux64", "aarch64-linux"}
+    assert folders == {"linux64", "aarch64-linux", "win64"}
     assert CliRunner().invoke(commands, [*arguments, "--experiment", "swing"]).exit_code == 0
     assert out.read_bytes() == first  # equal models give equal bytes
     wrong = CliRunner().invoke(commands, [*arguments[:-1], "amiga"])
-    assert wrong.exit_code == 2 and "platforms are linux64, linux-aarch64" in wrong.output
+    assert wrong.exit_code == 2 and "platforms are linux64, linux-aarch64, win64" in wrong.output
     assert CliRunner().invoke(commands, [*arguments, "--fmi", "3"]).exit_code == 0
     with zipfile.ZipFile(out) as archive:
-        assert {"sources/buildDescription.xml", "binaries/x86_64-linux/Spring.so"} < {*archive.namelist()}
+        assert {
+            "sources/buildDescription.xml",
+            "binaries/x86_64-linux/Spring.so",
+            "binaries/x86_64-windows/Spring.dll",
+        } < {*archive.namelist()}
     wrong = CliRunner().invoke(commands, [*arguments, "--fmi", "4"])
     assert wrong.exit_code == 2 and "versions are 2, 3" in wrong.output
     wrong = CliRunner().invoke(commands, ["compile", str(tmp_path / "m.bg"), "-o", "m.py", "--platforms", "linux64"])

@@ -15,67 +15,17 @@ from pathlib import Path
 import pytest
 
 from compiler.jit.machine import object_code
-from compiler.linking.elf_library import SharedLibrary, link
-from compiler.linking.elf_object import LinkError, read_object
+from compiler.linking.layout import SharedLibrary
+from compiler.linking.link import link, read_object
 from compiler.linking.machines import AARCH64, PatchPlace
+from compiler.linking.object_file import LinkError
+from tests.linking.damaged_objects import EXPORTED, FIRST, SECOND, changed
 
 pytestmark = pytest.mark.machine_code
 here = pytest.mark.skipif(
     sys.platform != "linux" or platform.machine() != "x86_64", reason="libraries of Linux on x86-64 are loaded"
 )
 SYSTEM = (("libm.so.6", frozenset(("sin", "cos", "pow"))), ("libc.so.6", frozenset(("memset",))))
-FIRST = """
-@weights = private constant [3 x double] [double 2.0, double 3.0, double 5.0]
-@table = internal global [2 x ptr] [ptr @twice, ptr @weighted]
-@count = internal global i64 0
-declare double @sin(double)
-declare double @cos(double)
-declare double @other(double)
-define double @twice(double %x) {
-  %y = fadd double %x, %x
-  ret double %y
-}
-define double @weighted(double %x) {
-  %p = getelementptr [3 x double], ptr @weights, i64 0, i64 2
-  %w = load double, ptr %p
-  %y = fmul double %x, %w
-  ret double %y
-}
-define double @circle(double %x) {
-  %s = call double @sin(double %x)
-  %c = call double @cos(double %x)
-  %y = fadd double %s, %c
-  ret double %y
-}
-define double @chosen(i64 %n, double %x) {
-  %p = getelementptr [2 x ptr], ptr @table, i64 0, i64 %n
-  %f = load ptr, ptr %p
-  %y = call double %f(double %x)
-  ret double %y
-}
-define double @both(double %x) {
-  %y = call double @other(double %x)
-  ret double %y
-}
-define i64 @counted() {
-  %n = load i64, ptr @count
-  %m = add i64 %n, 1
-  store i64 %m, ptr @count
-  ret i64 %m
-}
-"""
-# A function of the same name in each object: each calls its own.
-SECOND = """
-define double @twice(double %x) {
-  %y = fmul double %x, 20.0
-  ret double %y
-}
-define double @other(double %x) {
-  %y = call double @twice(double %x)
-  ret double %y
-}
-"""
-EXPORTED = ("twice", "weighted", "circle", "chosen", "both", "counted")
 
 
 def library(platform: str = "linux64", exported: tuple[str, ...] = EXPORTED) -> bytes:
@@ -188,7 +138,6 @@ def test_what_is_not_there_is_named() -> None:
             read_object(data)
 
 
-WIDE = {2: "<H", 4: "<I", 8: "<Q"}
 # Fields of a header, an entry of the table of sections, a symbol, a relocation: place and width.
 FIELDS = {
     "header": ((0, 8), (16, 2), (18, 2), (40, 8), (58, 2), (60, 2), (62, 2)),
@@ -207,24 +156,6 @@ def _fields(data: bytes) -> list[tuple[int, int]]:
         if kind in (2, 4):
             rows += [("symbol" if kind == 2 else "relocation", at) for at in range(offset, offset + size, 24)]
     return [(at + place, width) for kind, at in rows for place, width in FIELDS[kind]]
-
-
-def _changed(good: bytes, fields: list[tuple[int, int]], chance: random.Random) -> bytes:
-    """An object with fields set to what is near, far, another's or nothing, bytes changed, or its end cut off."""
-    data = bytearray(good)
-    for _ in range(chance.choice((1, 1, 1, 2, 4))):
-        at, width = chance.choice(fields)
-        if chance.random() < 0.2 or at + width > len(data):
-            at = chance.randrange(len(data))
-            data[at] = chance.choice((chance.randrange(256), data[at] ^ 1 << chance.randrange(8)))
-            continue
-        (value,) = struct.unpack_from(WIDE[width], data, at)
-        other, wide = chance.choice(fields)
-        others = struct.unpack_from(WIDE[wide], good, other)[0]
-        near = value + chance.choice((-16, -8, -4, -1, 1, 4, 8, 16))
-        whole = chance.choice((0, 1, near, others, 2 * value, len(data), -1, 1 << 63, 1 << 31, chance.getrandbits(64)))
-        struct.pack_into(WIDE[width], data, at, whole % (1 << 8 * width))
-    return bytes(data[: chance.randrange(1, len(data))] if chance.random() < 0.02 else data)
 
 
 def _check_library(image: bytes) -> None:
@@ -258,7 +189,7 @@ def test_damaged_objects_are_linked_soundly_or_refused(seed: int) -> None:
     whole, answers = link(good, wanted), {"same": 0, "other": 0, "refused": 0}
     for _ in range(2000):
         try:
-            image = link([_changed(good[0], fields, chance), good[1]], wanted)
+            image = link([changed(good[0], fields, chance), good[1]], wanted)
         except LinkError:
             answers["refused"] += 1
         else:
