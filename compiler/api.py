@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from .graph.units import PREFIXES, UNITS, Dimension, Scale
     from .linking.layout import SharedLibrary
     from .linking.link import link
+    from .linking.object_file import LinkError
     from .metamorphosis.reductions import smallest
     from .metamorphosis.text_changes import TEXT_CHANGES, Inapplicable, TextChange, TextScene, scene_of
     from .persistent_cache import CacheBackend

@@ -18,7 +18,7 @@ from compiler import api
 from .. import cache
 from ..compiled_scene import chosen_target
 from ..errors import UsageError
-from ..native import compiled_for, kernel
+from ..native import CannotCompile, compiled_for, kernel
 from ..simulation.integrators.compiled.sources import VECTORS
 from ..simulation.run_options import DEFAULT_POINTS
 from .functions import LEFT_OUT, VERSIONS, FmiVersion
@@ -164,9 +164,11 @@ def _library(parts: _UnitParts, platform: str) -> bytes:
     )
     text = parts.module.text + llvm_data(parts.image, parts.head.token, parts.version)
     own, row = compiled_for(text, parts.module.level, platform), PLATFORMS[platform]
-    return api.link(
-        [runtime, own], api.SharedLibrary(parts.head.identifier + row.ending, parts.version.exported(), row.system)
-    )
+    library = api.SharedLibrary(parts.head.identifier + row.ending, parts.version.exported(), row.system)
+    try:
+        return api.link([runtime, own], library)
+    except api.LinkError as problem:
+        raise CannotCompile("BR601", f"machine code could not be made: {problem}") from None
 
 
 def _runtime() -> list[Callable[..., object]]:

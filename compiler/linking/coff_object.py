@@ -25,15 +25,12 @@ LEFT_OUT = 0x2000A00  # notes to the linker, and what may be discarded
 MANY_RELOCATIONS, FULL = 0x1000000, 0xFFFF
 EXECUTE, WRITE = 0x20000000, 0x80000000
 EXTERNAL, STATIC, LABEL, FILE = 2, 3, 6, 103
-ABSOLUTE, AFTER, LAST_AFTER = (
-    1,
-    4,
-    9,
-)  # kinds: a whole address; distances from the end of 4 bytes, from 1 to 5 further on
+# Kinds of relocation: a whole address; a distance from the end of its four bytes, and up to one from five bytes further on.
+ABSOLUTE, AFTER, LAST_AFTER = 1, 4, 9
 
 
 @dataclass(frozen=True, slots=True)
-class _Header:
+class _CoffHeader:
     """Entry of the table of sections."""
 
     name: str
@@ -57,17 +54,17 @@ def read_coff(data: bytes) -> ObjectFile:
     return ObjectFile(machine, sections, names, relocations)
 
 
-def _header(data: bytes, place: int) -> _Header:
+def _header(data: bytes, place: int) -> _CoffHeader:
     name, _, _, size, offset, relocations, _, count, _, flags = fields_of(SECTION, data, place)
-    return _Header(_short(name), size, offset, relocations, count, flags)
+    return _CoffHeader(_short(name), size, offset, relocations, count, flags)
 
 
-def _is_loaded(header: _Header) -> bool:
+def _is_loaded(header: _CoffHeader) -> bool:
     """Return True for what comes to memory."""
     return bool(header.flags & (CODE | DATA | ZEROS)) and not header.flags & LEFT_OUT
 
 
-def _section(data: bytes, header: _Header) -> Section:
+def _section(data: bytes, header: _CoffHeader) -> Section:
     place = header.flags >> 20 & 15
     content = b"" if header.flags & ZEROS else data[header.offset : header.offset + header.size]
     if not header.flags & ZEROS and len(content) != header.size:
@@ -100,7 +97,7 @@ def _symbols(data: bytes, table: int, count: int, sections: dict[int, Section]) 
     return tuple(symbols)
 
 
-def _relocations(data: bytes, number: int, header: _Header, section: Section, symbols: int) -> Iterator[Relocation]:
+def _relocations(data: bytes, number: int, header: _CoffHeader, section: Section, symbols: int) -> Iterator[Relocation]:
     width, start, count = struct.calcsize(RELOCATION), header.relocations, header.count
     if header.flags & MANY_RELOCATIONS and count == FULL:  # the first one has their number, itself among them
         count = fields_of(RELOCATION, data, start)[0] - 1

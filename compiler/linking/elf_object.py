@@ -29,7 +29,7 @@ INDIRECT = 10  # type of a symbol that is chosen when the library is loaded
 
 
 @dataclass(frozen=True, slots=True)
-class _Header:
+class _ElfHeader:
     """Entry of the table of sections."""
 
     name: int
@@ -61,7 +61,7 @@ def read_elf(data: bytes) -> ObjectFile:
     return ObjectFile(machine, sections, symbols, tuple(_relocations(data, headers, sections, len(symbols))))
 
 
-def _headers(data: bytes) -> tuple[int, list[_Header], bytes]:
+def _headers(data: bytes) -> tuple[int, list[_ElfHeader], bytes]:
     """Return the machine, the table of sections, and the text of their names."""
     fields = fields_of(HEADER, data, 0)
     beginning, kind, machine, offset = fields[0], fields[2], fields[3], fields[7]
@@ -70,18 +70,18 @@ def _headers(data: bytes) -> tuple[int, list[_Header], bytes]:
         raise LinkError("this is no ELF object of 64 bits")
     if width != struct.calcsize(SECTION) or not 0 < count < FIRST_SPECIAL or naming >= count:
         raise LinkError("the table of sections is damaged")
-    headers = [_Header(*fields_of(SECTION, data, offset + width * i)) for i in range(count)]
+    headers = [_ElfHeader(*fields_of(SECTION, data, offset + width * i)) for i in range(count)]
     return machine, headers, _content(data, headers[naming])
 
 
-def _is_whole(header: _Header, headers: Sequence[_Header], names: bytes) -> bool:
+def _is_whole(header: _ElfHeader, headers: Sequence[_ElfHeader], names: bytes) -> bool:
     """Return True if a table of relocations is one of the section that its name says."""
     if header.kind != RELA or header.info >= len(headers):
         return False
     return text_at(names, header.name) == f".rela{text_at(names, headers[header.info].name)}"
 
 
-def _is_loaded(header: _Header, names: bytes) -> bool:
+def _is_loaded(header: _ElfHeader, names: bytes) -> bool:
     """Return True for what comes to memory; tables for unwinding do not, as nothing is thrown."""
     loaded = header.flags & ALLOC and header.kind in (PROGBITS, NOBITS) and text_at(names, header.name) != ".eh_frame"
     if loaded and header.flags & (THREAD_LOCAL | COMPRESSED):
@@ -89,13 +89,13 @@ def _is_loaded(header: _Header, names: bytes) -> bool:
     return bool(loaded)
 
 
-def _section(data: bytes, header: _Header, name: str) -> Section:
+def _section(data: bytes, header: _ElfHeader, name: str) -> Section:
     flags = bool(header.flags & WRITE), bool(header.flags & EXECUTE)
     content = b"" if header.kind == NOBITS else _content(data, header)
     return checked_section(Section(name, content, header.size, max(header.alignment, 1), *flags))
 
 
-def _symbols(data: bytes, headers: Sequence[_Header], table: _Header, sections: dict[int, Section]) -> Iterator[ObjectSymbol]:  # fmt: skip
+def _symbols(data: bytes, headers: Sequence[_ElfHeader], table: _ElfHeader, sections: dict[int, Section]) -> Iterator[ObjectSymbol]:  # fmt: skip
     if table.link >= len(headers):
         raise LinkError("the table of symbols is damaged")
     names = _content(data, headers[table.link])
@@ -110,7 +110,7 @@ def _symbols(data: bytes, headers: Sequence[_Header], table: _Header, sections: 
         yield ObjectSymbol(text_at(names, name), number, value, size, information >> 4 != 0)
 
 
-def _relocations(data: bytes, headers: Sequence[_Header], sections: dict[int, Section], symbols: int) -> Iterator[Relocation]:  # fmt: skip
+def _relocations(data: bytes, headers: Sequence[_ElfHeader], sections: dict[int, Section], symbols: int) -> Iterator[Relocation]:  # fmt: skip
     for header in headers:
         if header.kind != RELA or header.info not in sections:
             continue
@@ -120,14 +120,14 @@ def _relocations(data: bytes, headers: Sequence[_Header], sections: dict[int, Se
             yield Relocation(header.info, offset, information & 0xFFFFFFFF, information >> 32, addend)
 
 
-def _rows(form: str, data: bytes, header: _Header) -> Iterator[tuple[int, ...]]:
+def _rows(form: str, data: bytes, header: _ElfHeader) -> Iterator[tuple[int, ...]]:
     content, width = _content(data, header), struct.calcsize(form)
     if header.entry != width or len(content) % width:
         raise LinkError("a table of the object is damaged")
     return struct.iter_unpack(form, content)
 
 
-def _content(data: bytes, header: _Header) -> bytes:
+def _content(data: bytes, header: _ElfHeader) -> bytes:
     if header.kind == NOBITS or header.offset + header.size > len(data):
         raise LinkError("the object is cut off")
     return data[header.offset : header.offset + header.size]
