@@ -386,15 +386,15 @@ class Builder:
         return tree.Unit(span, tuple(factors), number)
 
     def unit_power(self, parts: list[Any]) -> tree.Unit:
-        base, exponent = parts
-        power = ONE if exponent is None else exponent
-        if isinstance(base, Token):
-            span = self._span([base])
-            return tree.Unit(span, ((_latin(base), power, span),), ONE)
-        factors = [(name, p * power, span) for name, p, span in base.factors]
+        power, last = parts[-1] if isinstance(parts[-1], tuple) else (ONE, parts[-1])
+        span = self._span([parts[0], last])
+        if parts[0] != "(":
+            return tree.Unit(span, ((_latin(parts[0]), power, self._span(parts[:1])),), ONE)
+        base = parts[1]
+        factors = [(name, p * power, place) for name, p, place in base.factors]
         if power.denominator != 1 and base.number != 1:
-            raise Refused(WrongUnit, base.span.start, base.span.end, what="A number in a unit has no root")
-        return self._bounded(base.span, factors, Fraction(base.number ** int(power)))
+            raise Refused(WrongUnit, span.start, span.end, what="A number in a unit has no root")
+        return self._bounded(span, factors, Fraction(base.number ** int(power)))
 
     def unit_number(self, parts: list[Any]) -> tree.Unit:
         number = self._number(parts[0])
@@ -402,15 +402,16 @@ class Builder:
             raise Refused.at(WrongUnit, parts[0], what="A unit cannot contain 0")
         return tree.Unit(self._span(parts), (), number)
 
-    def exponent(self, parts: list[Any]) -> Fraction:
-        sign = -1 if parts[0] == "-" else 1
+    def exponent(self, parts: list[Any]) -> tuple[Fraction, Token]:
+        """Read the exponent of a unit; its last token is returned too."""
+        sign = -1 if any(p == "-" for p in parts) else 1
         numbers = [self._number(p) for p in parts if p.type == "NUMBER"]
         bottom = numbers[1] if len(numbers) > 1 else ONE
         if bottom == 0 or abs(numbers[0]) > 20 or bottom > 20:
             raise Refused(
                 WrongUnit, parts[0].start_pos, parts[-1].end_pos, what="The exponent of a unit lies between -20 and 20"
             )
-        return (-numbers[0] if sign < 0 else numbers[0]) if bottom is ONE else sign * numbers[0] / bottom
+        return (-numbers[0] if sign < 0 else numbers[0]) if bottom is ONE else sign * numbers[0] / bottom, parts[-1]
 
 
 _GREEK = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u03a9": "ohm", "\u2126": "ohm"})

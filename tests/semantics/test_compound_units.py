@@ -49,6 +49,28 @@ def test_a_name_of_the_model_comes_first(declared: str, value: str) -> None:
     assert any("is read as" in note for note in compiled(text).certificate.notes) == (not bond)
 
 
+@pytest.mark.parametrize(
+    "part",
+    [
+        "I m : p = 2 kg*v; C s : F = 1 [N/m]*x; 1(m) -> s", "0 m : electric; C s : q = 1 F*u; m -> s",
+        "multibody m : planar { body s { mass = 1 kg } }",
+    ],
+)  # fmt: skip
+def test_the_name_of_a_part_is_no_factor(part: str) -> None:
+    text = f"model A {{\n  {part}\n  parameter a = 5 N*m, b = 9.81 m/s^2\n  output x = a, y = b\n}}\n"
+    found = numbers(text)
+    assert found["x"] == 5.0 and found["y"] == 9.81
+
+
+@pytest.mark.parametrize(
+    "unit", ["mm/s^2", "(mm/s)^2/m", "(N*m)/(kg*m)", "m/(2*s)^2", "m*s^-2", "m^(2/2)/s^(4/2)", "1/(s^2/m)"]
+)
+def test_a_reported_unit_is_shown_as_it_is_written(unit: str) -> None:
+    text = f"model A {{\n  output y = 3 [m/s^2]\n  experiment go {{ simulate 0 .. 1 s; report y in {unit} }}\n}}\n"
+    (item,) = (reported for reported, _ in bondgraph.load(text).simulate(points=2).shown())
+    assert item.unit == unit
+
+
 def test_a_file_constant_comes_first_and_another_model_does_not_count() -> None:
     text = "constant m = 2 kg\nmodel A {\n  B b\n  output y = 5 N*m, z = b.z\n}\nmodel B { parameter s = 3; output z = 4 N*m/s }\n"
     notes = compiled(text).certificate.notes

@@ -73,6 +73,10 @@ def test_numbers_are_what_python_reads(whole: int, part: int, exponent: int) -> 
 )
 def test_units(text: str, powers: dict[str, Fraction], number: Fraction) -> None:
     assert unit(text) == (powers, number)
+    found = literal(text).unit
+    assert found is not None and found.span.text == text.removeprefix("3").strip(" []"), (
+        "reports show it as it is written"
+    )
 
 
 def test_nothing_but_a_number_takes_a_unit() -> None:

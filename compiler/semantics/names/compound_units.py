@@ -1,4 +1,4 @@
-"""Units without brackets: `100 rad/s` is one quantity where `s` is no name; where it is one, a note tells both readings."""
+"""Units without brackets: `100 rad/s` is one quantity where `s` is no quantity; where it is one, a note tells both readings."""
 
 from __future__ import annotations
 
@@ -19,17 +19,20 @@ from ...syntax.build import MAXIMUM_UNIT_POWER
 _CANDIDATE = re.compile(r"\d\s*[A-Za-z%\u03a9\u2126\u00b5\u03bc]+\s*(?:[*/]\s*([A-Za-z]\w*)\b(?!\s*[.(\[])|(\^))")
 Value = TypeVar("Value")
 _SIGNS = {1: "*", -1: "/"}
-_NAMED = tree.Item | tree.PortItem | tree.Component | tree.Declared | tree.LoopSyntax | tree.MechanismSyntax
+QUANTITIES = (
+    tree.Item | tree.Component | tree.LoopSyntax
+)  # parts are read with a point only, so `9.81 m/s^2` is clear beside an element `m`
+NAMED = QUANTITIES | tree.PortItem | tree.Declared | tree.MechanismSyntax
 
 
 def with_compound_units(syntax: SyntaxTree) -> SyntaxTree:
-    """Return the tree with one literal for each number and the symbols of units behind it that are no names of its model, nor letters of a law."""
+    """Return the tree with one literal for each number and the symbols of units behind it that are no quantities of its model, nor letters of a law."""
     statements = statements_with_compound_units(syntax.statements, syntax.source.text, shared_names(syntax.statements))
     return replace(syntax, statements=statements)
 
 
 def shared_names(statements: tuple[tree.SyntaxNode, ...]) -> set[str]:
-    """Return the names that a file declares outside of models, which all of its models read."""
+    """Return the names of quantities and functions that a file declares outside of models, which all of its models read."""
     sets = {s.name for s in statements if isinstance(s, tree.ParameterSet)}  # their members are read behind their names
     return sets | names_in(tuple(s for s in statements if not isinstance(s, tree.ModelSyntax | tree.ParameterSet)))
 
@@ -49,11 +52,11 @@ def in_one_literal(value: Value, names: Set[str]) -> Value:
     return folded
 
 
-def names_in(statements: object) -> set[str]:
-    """Return the names that statements declare, at any depth."""
+def names_in(statements: object, kinds: Any = QUANTITIES) -> set[str]:
+    """Return the names of functions and of what is of these kinds that statements declare, at any depth."""
     names: set[str] = set()
     for node in nodes_in(statements):
-        if isinstance(node, _NAMED):
+        if isinstance(node, kinds):
             names.add(node.name)
             names.update(name for name, _ in getattr(node, "choices", ()))
         elif isinstance(node, tree.FunctionSyntax):

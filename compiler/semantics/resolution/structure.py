@@ -10,7 +10,7 @@ from ...graph.run_time_parameters import behind, quantities_in
 from ...syntax import tree
 from ...syntax.blocks import Statements, flat, inner_blocks, nodes_in
 from ..expressions.expression_compiler import BUILT_IN
-from ..names.compound_units import names_in
+from ..names.compound_units import NAMED, names_in
 from ..names.domain_table import ELEMENT_KINDS, paths_of
 from ..names.errors import (
     NotStatic,
@@ -138,7 +138,7 @@ def check_untaken(scope: Scope, statements: Statements, tell: Callable[[Diagnost
     """Report names, kinds and functions of a branch that are not declared anywhere."""
     definition = scope.definition
     file = definition.file
-    declared = names_in(definition.model) | set(scope.names())
+    declared = names_in(definition.model, NAMED) | set(scope.names())
     names = declared | file.constants.keys() | file.models.keys() | file.sets.keys() | file.missing
     functions = {*BUILT_IN, *file.functions, *declared}
     kinds = {*ELEMENT_KINDS, *file.models, *file.missing, *kinds_of(True), *kinds_of(False), *declared}
