@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from .compiled_model import CompiledModel, names_of
 from .keywords import AnalysisKeywords, ExperimentKeywords, PathKeywords, PointKeywords, checked
+from .numerics.threads import on_one_thread
 
 if TYPE_CHECKING:
     from .analysis.branch import Branch
@@ -63,6 +64,7 @@ class AnalysedModel(CompiledModel):
         return symbolic_port_hamiltonian(self.with_inputs())
 
     @checked
+    @on_one_thread
     def operating_point(self, asked: AnalysisRequest | None = None) -> OperatingPoint:
         """Return the model at one state and instant, with all derivatives; the analyses below use it.
 
@@ -74,6 +76,7 @@ class AnalysedModel(CompiledModel):
         return operating_point(self, asked or AnalysisRequest())
 
     @checked
+    @on_one_thread
     def equilibrium(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         outputs: Sequence[str] | None = None, time: float | None = None,
@@ -88,6 +91,7 @@ class AnalysedModel(CompiledModel):
         return equilibrium(self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), time=time)))
 
     @checked
+    @on_one_thread
     def linearize(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, **options: Unpack[PointKeywords],
     ) -> Linearization:  # fmt: skip
@@ -104,6 +108,7 @@ class AnalysedModel(CompiledModel):
         return linearization(self.operating_point(request))
 
     @checked
+    @on_one_thread
     def modes(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         state: str | Mapping[str, float] = "equilibrium", time: float | None = None, outputs: Sequence[str] | None = None,
@@ -120,6 +125,7 @@ class AnalysedModel(CompiledModel):
         return modes(self.operating_point(request))
 
     @checked
+    @on_one_thread
     def sensitivity(
         self, parameters: Sequence[str] | None = None, of: str | tuple[str, ...] = ("equilibrium", "modes"),
         outputs: Sequence[str] | None = None, **options: Unpack[AnalysisKeywords],
@@ -135,6 +141,7 @@ class AnalysedModel(CompiledModel):
         return sensitivity(point, (of,) if isinstance(of, str) else of)
 
     @checked
+    @on_one_thread
     def sensitivity_of_response(
         self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None, low: float | None = None, high: float | None = None, points: int = 400,
@@ -150,6 +157,7 @@ class AnalysedModel(CompiledModel):
         return response_sensitivity(point, given, by, low, high, points)
 
     @checked
+    @on_one_thread
     def sensitivity_of_linearization(
         self, parameters: Sequence[str] | None = None, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         **options: Unpack[AnalysisKeywords],
@@ -177,6 +185,7 @@ class AnalysedModel(CompiledModel):
         return self.operating_point(asked), given, by
 
     @checked
+    @on_one_thread
     def sensitivity_of_run(
         self, parameters: Sequence[str] | None = None, experiment: str | None = "", settings: Mapping[str, str | float] | None = None,
         to: str | float | None = None, points: int = 101, outputs: Sequence[str] | None = None, rtol: float = 1e-8,
@@ -192,6 +201,7 @@ class AnalysedModel(CompiledModel):
         return run_sensitivity(self, names_of(parameters), asked, (to, points), rtol)
 
     @checked
+    @on_one_thread
     def continuation(
         self, parameter: str, low: str | float, high: str | float, points: int = 50, most: int = 2000, outputs: Sequence[str] | None = None,
         branches: bool = False, **options: Unpack[ExperimentKeywords],
@@ -228,6 +238,7 @@ class AnalysedModel(CompiledModel):
     ) -> FeedForward: ...  # fmt: skip
 
     @checked
+    @on_one_thread
     def invert(
         self, targets: Mapping[str, Any], inputs: Sequence[str], experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None, *, to: str | float | None = None, **options: Unpack[PathKeywords],
@@ -245,6 +256,7 @@ class AnalysedModel(CompiledModel):
         return inverted(self, targets, inputs, AnalysisRequest(experiment, dict(settings or {})), to, options)
 
     @checked
+    @on_one_thread
     def response(
         self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
         low: float | None = None, high: float | None = None, points: int = 400, **options: Unpack[PointKeywords],
@@ -266,6 +278,7 @@ class AnalysedModel(CompiledModel):
         return response(linearization(point), low, high, points)
 
     @checked
+    @on_one_thread
     def excite(
         self, given: str, seen: str, frequency: float, amplitude: float, experiment: str | None = "",
         settings: Mapping[str, str | float] | None = None, rtol: float = 1e-9,

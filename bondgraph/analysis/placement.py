@@ -12,6 +12,7 @@ from compiler.api import Array, NotDifferentiable
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
+from ..numerics.threads import release_for
 from ..simulation.segments.units import refuse_units
 from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint, length_of
@@ -120,6 +121,7 @@ def placed(prepare: Prepare, scene: Scene, asked: AnalysisRequest, values: Mappi
     if program.delays is not None:
         raise _delayed(compiled)
     refuse_units(program.hybrid)
+    release_for(len(program.states.names) + len(program.unknowns.names))
     with np.errstate(all="ignore"):
         leg = _phase(prepare, scene, PhaseOptions(plan, 1e-6, None, False, values or {}), length_of(compiled.plan))
         state, mode = leg.state, leg.stretches[0].mode

@@ -5,12 +5,15 @@ Beside a process that computes, the threads of OpenBLAS, which wait actively, ta
 
 from __future__ import annotations
 
-import ctypes
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, wraps
+from typing import ParamSpec, TypeVar
+
+_Arguments = ParamSpec("_Arguments")
+_Found = TypeVar("_Found")
 
 LARGE = 400  # order of dense matrices from which several threads gain
 NAMES = (  # functions that return and set the number of threads
@@ -46,14 +49,40 @@ def one_thread(order: int) -> Iterator[None]:
         with _LOCK:
             _held -= 1
             if not _held:
-                for put, count in _before:
-                    put(count)
-                _before.clear()
+                _release()
+
+
+def on_one_thread(call: Callable[_Arguments, _Found]) -> Callable[_Arguments, _Found]:
+    """Return the call with linear algebra held to one thread, until it finds that its matrices are large."""
+
+    @wraps(call)
+    def held(*values: _Arguments.args, **options: _Arguments.kwargs) -> _Found:
+        import scipy.linalg  # noqa: F401  # an analysis needs it, and its library is held too
+
+        with one_thread(0):
+            return call(*values, **options)
+
+    return held
+
+
+def release_for(order: int) -> None:
+    """Give linear algebra its threads back, if matrices of this order gain from them."""
+    if order > LARGE:
+        with _LOCK:
+            _release()
+
+
+def _release() -> None:
+    for put, count in _before:
+        put(count)
+    _before.clear()
 
 
 @lru_cache
 def _libraries(with_scipy: bool) -> tuple[tuple[Callable[[], int], Callable[[int], object]], ...]:
     """Return the functions of each loaded library; `with_scipy`: scipy, which brings another one, is loaded."""
+    import ctypes  # on use: a model is loaded without it
+
     try:
         with open("/proc/self/maps", encoding="utf-8") as maps:
             paths = {line.split(maxsplit=5)[5].strip() for line in maps if "blas" in line or "mkl_rt" in line}

@@ -68,3 +68,24 @@ def test_a_run_has_one_thread(counts, monkeypatch: pytest.MonkeyPatch) -> None: 
     monkeypatch.setattr(Phase, "go", lambda phase: (seen.append(counts()), go(phase))[1])
     bondgraph.load(MODELS / "oscillator.bg").simulate()
     assert seen and set(seen[0]) == {1} and set(counts()) != {1}
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_an_analysis_has_one_thread_unless_it_is_large(counts, monkeypatch: pytest.MonkeyPatch, large: bool) -> None:  # type: ignore[no-untyped-def]
+    import scipy.linalg  # noqa: F401  # brings a library of its own, which the fixture counts if it is there
+
+    from bondgraph.analysis import equilibrium
+
+    libraries = threads._libraries(True)
+    before = [get() for get, _ in libraries]
+    for _, put in libraries:
+        put(2)
+    seen, verdict = [], equilibrium._verdict
+    monkeypatch.setattr(
+        equilibrium, "_verdict", lambda *found: (seen.append([get() for get, _ in libraries]), verdict(*found))[1]
+    )
+    monkeypatch.setattr(threads, "LARGE", 1 if large else threads.LARGE)
+    bondgraph.load(MODELS / "oscillator.bg").equilibrium()
+    assert set(seen[0]) == {2 if large else 1} and {get() for get, _ in libraries} == {2}
+    for (_, put), count in zip(libraries, before, strict=True):
+        put(count)
