@@ -310,6 +310,7 @@ DRIVETRAIN: dict[str, Formula] = {
     },
     "Rope": lambda t: {"v": 9.81 / 3 * t, "T": 13.08 + 0 * t},
     "Cantilever": lambda t: {"x": cantilever(t)},
+    "BeamChain": lambda t: beam_chain(4),
     "Bushing": lambda t: {"x": 1e-3 * np.cos(np.sqrt(1e5) * t), "turn": np.pi / 180 * np.cos(100 * t)},
     "GroundPoint": lambda t: {"v": 3 - 0.2 * 9.81 * t, "N": 9.81 + 0 * t},
     "GroundBall": lambda t: {"v": 2 - 0.981 * t, "omega": 0.1 / 0.004 * 0.981 * t},
@@ -647,6 +648,16 @@ def cantilever(t: Any) -> Any:
     beta, k = np.array([1.8751040687119611, 4.694091132974175, 7.854757438237613, 10.995540734875467]), 20 / 0.5**3
     swings = sum(4 / b**4 * np.cos(b**2 * np.sqrt(k / 0.2) * t) for b in beta)
     return 10 / k * (1 / 3 - swings)
+
+
+def beam_chain(n: int) -> Mapping[str, Any]:
+    """Tip of a beam of 1 m bent to a quarter circle, of n chords in pairs of halves."""
+    slope = np.linspace(0, math.pi / 2, n + 1)
+    return {
+        "x": np.trapezoid(np.cos(slope), dx=1 / n),
+        "y": np.trapezoid(np.sin(slope), dx=1 / n),
+        "turn": math.pi / 2,
+    }
 
 
 FORMULAS: dict[str, Formula] = {

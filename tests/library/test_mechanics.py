@@ -365,3 +365,26 @@ def test_a_rope_goes_slack_and_catches() -> None:
     )  # fmt: skip
     near(found["v"], -2 + 9.81 * found.time)
     exact(found["T"], np.zeros(len(found.time)))
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize(
+    ("load", "along", "aside", "turn"), [(1.0, 0.94357, 0.30172, 0.46135), (5.0, 0.61237, 0.71379, 1.21537)]
+)
+def test_a_beam_chain_bends_as_the_elastica(load: float, along: float, aside: float, turn: float) -> None:
+    """K. Mattiasson 1981, a force F across the tip: digits for F l^2/EI. Of 5 and 10 short beams the error falls by 4, and is extrapolated."""
+    text_of = """
+        Se across : F = {load} N
+        Se none : F = 0 N
+        Se no : M = 0 [N*m]
+        BeamChain beam {{ l = 1 m, EI = 1 [N*m^2], EA = 1 [MN], m = 1 kg, n = {n}, tau = 1 s }}
+        none -> beam.tip.x; across -> beam.tip.y; no -> beam.tip.phi
+        output x = beam.along, y = beam.aside, turn = beam.turn
+        """
+    found = []
+    for n in (5, 10):
+        still = bondgraph.load(text("mechanics", "BeamChain", text_of.format(load=load, n=n)), "Bench").equilibrium()
+        found.append(np.array([still["x"], still["y"], still["turn"]]))
+    exact = np.array([along, aside, turn])
+    assert np.abs(found[1] - exact).max() < 3e-3
+    np.testing.assert_allclose((4 * found[1] - found[0]) / 3, exact, atol=1e-4)
