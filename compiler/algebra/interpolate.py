@@ -1,7 +1,7 @@
 """Curves through points, and reproducible random numbers: values of the operators `linear`, `cubic`, `monotone`, `noise`.
 
 A cubic curve is stored as points with slopes (cubic Hermite). The functions of arrays are in the subset of Python that `jit` compiles: they
-give the values of the operators here, and are called by machine code and C. A numpy module computes the same with batches.
+give the values of the operators here, and are called by machine code, C and modules for numpy.
 """
 
 from __future__ import annotations
@@ -258,21 +258,19 @@ def noise(order: int, place: float, seed: float, steps: Floats, count: int) -> f
 
 
 def noise_at(order: float, place: float, seed: float) -> float:
-    """A random number between -1 and 1 at each integer, joined by smooth steps; or a derivative of that."""
-    whole = int(place // 1)
-    part = place - whole
-    first, second = random_number(whole, int(seed)), random_number(whole + 1, int(seed))
-    step = sum(c * part**i for i, c in enumerate(SMOOTH_STEP[int(order)]))
-    return (second - first) * step + (first if order == 0 else 0.0)
+    """Value of `noise`, or a derivative of it."""
+    steps = SMOOTH_STEP[int(order)]
+    return noise(int(order), place, seed, steps, len(steps))
 
 
 def random_number(number: int, seed: int) -> float:
     """Number `number` of the stream of a seed, uniform in [-1, 1): splitmix64 (Steele, Lea and Flood 2014)."""
-    start = _mixed((seed + _GOLDEN) & _MASK)
-    return (_mixed((start + number * _GOLDEN) & _MASK) >> 11) * 2.0**-52 - 1.0
+    start = mixed((seed + _GOLDEN) & _MASK)
+    return (mixed((start + number * _GOLDEN) & _MASK) >> 11) * 2.0**-52 - 1.0
 
 
-def _mixed(z: int) -> int:
+def mixed(z: int) -> int:
+    """Mixing of splitmix64."""
     z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9 & _MASK
     z = (z ^ (z >> 27)) * 0x94D049BB133111EB & _MASK
     return z ^ (z >> 31)

@@ -168,7 +168,7 @@ class TestNoise:
         state, found = 1234567, []
         for _ in range(3):
             state = (state + 0x9E3779B97F4A7C15) % 2**64
-            found.append(interpolate._mixed(state))
+            found.append(interpolate.mixed(state))
         assert found == [6457827717110365317, 3203168211198807973, 9817491932198370423]
 
     def test_uniform_between_minus_one_and_one(self) -> None:

@@ -15,7 +15,9 @@ from compiler.codegen.numpy.runtime import beginning
 from tests.codegen.test_jacobian import differences
 from tests.compiling import Running, compiled, numbers, refused
 
-WORDS = load_module("words", beginning({"linear", "inverse", "natural_slope", "noise", "root"}))
+WORDS = load_module(
+    "words", beginning({"linear", "cubic", "inverse", "natural_slope", "monotone_slope", "noise", "root"})
+)
 XS, YS = (0.0, 1.0, 2.5, 4.0), (0.5, 1.0, 1.2, 5.0)
 SLOPE = {"cubic": interpolate.natural_slopes(XS, YS), "monotone": interpolate.monotone_slopes(XS, YS)}
 FALLING = tuple(-y for y in YS)

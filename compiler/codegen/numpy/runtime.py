@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+import re
+from collections.abc import Callable, Sequence, Set
+from inspect import getsource
+from typing import Any
 
-from ...algebra.interpolate import SMOOTH_STEP
+from ...algebra import interpolate
 from ...algebra.operators import OPERATORS
 
 BEGINNING = '''
@@ -75,177 +78,44 @@ def _solve(count, *entries):
     return np.where(missed < 1e-3, solution, np.nan).T
 '''
 
-TABLES = '''def _points(values):
-    """The points of a table as an array, the points first."""
-    if isinstance(values, np.ndarray):
-        return values
-    numbers = all(isinstance(v, float) for v in values)
-    return np.array(values if numbers else np.broadcast_arrays(*values), dtype=float)
-
-
-def _segment(x, knots):
-    """The number of the interval that x lies in; the first or last one where it lies outside."""
-    if knots.ndim == 1:
-        if knots[-1] < knots[0]:
-            knots, x = -knots, -x
-        i = np.searchsorted(knots, x, side="right") - 1
-        return min(max(int(i), 0), len(knots) - 2) if np.ndim(i) == 0 else np.clip(i, 0, len(knots) - 2)
-    sign = np.sign(knots[-1] - knots[0])
-    return np.clip(np.sum(sign * x >= sign * knots, axis=0) - 1, 0, len(knots) - 2)
-
-
-def _pick(values, i):
-    """The values with the numbers i."""
-    if values.ndim == 1:
-        return values[i]
-    return np.take_along_axis(np.broadcast_to(values, (len(values), *np.shape(i))), np.asarray(i)[None], axis=0)[0]
-
-
-def _ends(x, knots):
-    """The numbers of the nearer and of the other end of the interval of x."""
-    i = _segment(x, knots)
-    nearer = np.abs(_pick(knots, i + 1) - x) < np.abs(x - _pick(knots, i))
-    return i + nearer, i + 1 - nearer
-
-
-def _linear(order, x, knots, values):
-    """Straight lines between points, continued beyond the ends; `order` counts derivatives."""
-    knots, values = _points(knots), _points(values)
-    i, j = _ends(x, knots)
-    a, y = _pick(knots, i), _pick(values, i)
-    slope = (_pick(values, j) - y) / (_pick(knots, j) - a)
-    return slope if order else y + slope * (x - a)
-
-
-def _hermite(order, x, knots, values, slopes):
-    """A curve of the third degree through points with slopes, straight beyond the ends; `order` counts derivatives."""
-    knots, values, slopes = _points(knots), _points(values), _points(slopes)
-    i, j = _ends(x, knots)
-    a, y, m, n = _pick(knots, i), _pick(values, i), _pick(slopes, i), _pick(slopes, j)
-    h = _pick(knots, j) - a
-    at = np.minimum(np.maximum(x, knots[0]), knots[-1])
-    d, secant = at - a, (_pick(values, j) - y) / h
-    c2, c3 = (3 * secant - 2 * m - n) / h, (m + n - 2 * secant) / h**2
-    slope = m + d * (2 * c2 + 3 * d * c3)
-    if order == 0:
-        return y + d * (m + d * (c2 + d * c3)) + (x - at) * slope
-    if order == 1:
-        return slope
-    return np.where(x == at, 2 * c2 + 6 * d * c3 if order == 2 else 6 * c3, 0.0)[()]
+BATCHES = '''def _at_each(function, numbers, lists=()):
+    """The values of a function of numbers and of lists of numbers, at each point where some of these are arrays."""
+    plain = [isinstance(x, np.ndarray) or all(isinstance(v, float) for v in x) for x in lists]
+    if all(plain) and all(isinstance(x, (int, float)) for x in numbers):
+        return np.array(function(*numbers, *lists))[()]  # a plain float would raise where it is divided by zero
+    items = [v for x, same in zip(lists, plain) if not same for v in x]
+    shape = np.broadcast_shapes(*map(np.shape, (*numbers, *items)))
+    points = [np.broadcast_to(x, shape).ravel() for x in numbers]
+    for x, same in zip(lists, plain):
+        points.append([x] * int(np.prod(shape)) if same else np.array([np.broadcast_to(v, shape).ravel() for v in x]).T)
+    values = np.array([function(*point) for point in zip(*points)], dtype=float)
+    return values.T.reshape((*values.shape[1:], *shape))[()]
 '''
 
-INVERSE = '''def _inverse(order, y, knots, values, slopes):
-    """Where a rising or falling curve has the value y: Newton's method, held between two places."""
-    knots, values, slopes = _points(knots), _points(values), _points(slopes)
-    sign = np.sign(values[-1] - values[0])
-    i = _segment(y, values)
-    low, high, first = _pick(knots, i), _pick(knots, i + 1), _pick(values, i)
-    width = high - low
-    start = low + (y - first) / (_pick(values, i + 1) - first) * width
-    inside = (low < start) & (start < high)
-    x = np.where(inside, start, low + 0.5 * width)
-    for _ in range(100):
-        error = sign * (_hermite(0, x, knots, values, slopes) - y)
-        low, high = np.where(error < 0, x, low), np.where(error < 0, high, x)
-        slope = sign * _hermite(1, x, knots, values, slopes)
-        new = x - error / np.where(slope > 0, slope, np.inf)
-        new = np.where((low < new) & (new < high) & (slope > 0), new, 0.5 * (low + high))
-        done = np.abs(new - x) <= 1e-14 * (np.abs(x) + width)
-        x = new
-        if np.all(done | ~inside):
-            break
-    return np.where(inside, x, start)[()]
+CURVE = '''def _{name}(order, x, *lists):
+    """As `{name}`, of numbers and of batches."""
+    return _at_each(lambda x, *lists: {name}(order, x, *lists, len(lists[0])), (x,), lists)
 '''
 
-SLOPES = '''def _natural_slope(knots, values):
-    """The slopes of the natural cubic spline, by elimination."""
-    count = len(knots)
-    steps = [knots[i + 1] - knots[i] for i in range(count - 1)]
-    secants = [(values[i + 1] - values[i]) / steps[i] for i in range(count - 1)]
-    if count == 2:
-        return [secants[0], secants[0]]
-    rows = [(0.0, 2.0, 1.0, 3 * secants[0])]
-    for a, b, p, q in zip(steps, steps[1:], secants, secants[1:]):
-        rows.append((1 / a, 2 / a + 2 / b, 1 / b, 3 * (p / a + q / b)))
-    rows.append((1.0, 2.0, 0.0, 3 * secants[-1]))
-    above, right, passed = 0.0, 0.0, []
-    for before, here, after, given in rows:
-        pivot = here - before * above
-        above, right = after / pivot, (given - before * right) / pivot
-        passed.append((above, right))
-    slopes = [passed[-1][1]]
-    for after, given in reversed(passed[:-1]):
-        slopes.append(given - after * slopes[-1])
-    return slopes[::-1]
+SLOPES = '''def _{name}(*lists):
+    """The slopes that `{name}` computes, of numbers and of batches."""
 
+    def slopes(knots, values):
+        out = [0.0] * len(knots)
+        {name}(len(knots), knots, values, [0.0] * len(knots), out)
+        return out
 
-def _monotone_slope(knots, values):
-    """Slopes that keep the curve monotone wherever the points are (Fritsch and Butland 1984)."""
-    count = len(knots)
-    steps = [knots[i + 1] - knots[i] for i in range(count - 1)]
-    secants = [(values[i + 1] - values[i]) / steps[i] for i in range(count - 1)]
-    if count == 2:
-        return [secants[0], secants[0]]
-
-    def end(near, far, first, second):
-        slope = ((2 * near + far) * first - near * second) / (near + far)
-        cut = (first * second < 0) & (np.abs(slope) > 3 * np.abs(first))
-        return np.where(slope * first <= 0, 0.0, np.where(cut, 3 * first, slope))[()]
-
-    slopes = [end(steps[0], steps[1], secants[0], secants[1])]
-    for a, b, p, q in zip(steps, steps[1:], secants, secants[1:]):
-        same = p * q > 0
-        p, q = np.where(same, p, 1.0), np.where(same, q, 1.0)
-        slopes.append(np.where(same, 3 * (a + b) / ((2 * b + a) / p + (b + 2 * a) / q), 0.0)[()])
-    slopes.append(end(steps[-1], steps[-2], secants[-1], secants[-2]))
-    return slopes
+    return _at_each(slopes, (), lists)
 '''
 
-NOISE = '''_SMOOTH_STEP = @SMOOTH@
-
-
-def _mixed(z):
-    """The mixing of splitmix64 (Steele, Lea and Flood 2014), modulo 2^64."""
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
-
-
-def _random_number(number, seed):
-    """As `_random`, of two whole numbers; several times faster."""
-
-    def mixed(z):
-        z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9 & mask
-        z = (z ^ (z >> 27)) * 0x94D049BB133111EB & mask
-        return z ^ (z >> 31)
-
-    mask, golden = (1 << 64) - 1, 0x9E3779B97F4A7C15
-    return (mixed((mixed((seed + golden) & mask) + number * golden) & mask) >> 11) * 2.0**-52 - 1.0
-
-
-def _random(number, seed):
-    """Number `number` of the stream of a seed, uniform in [-1, 1); both whole, arrays of at least one axis."""
-    golden = np.uint64(0x9E3779B97F4A7C15)
-    start = _mixed(seed.astype(np.int64).view(np.uint64) + golden)
-    return (_mixed(start + number.astype(np.int64).view(np.uint64) * golden) >> np.uint64(11)) * 2.0**-52 - 1.0
+NOISE = '''floor, nan, _MASK, _GOLDEN = np.floor, np.nan, 0xFFFFFFFFFFFFFFFF, 0x9E3779B97F4A7C15
+_SMOOTH_STEP = {steps}
 
 
 def _noise(order, place, seed):
-    """A random number at each whole number, joined by smooth steps; `order` counts derivatives."""
-    if np.ndim(place) == 0 and np.ndim(seed) == 0 and abs(place) < 2.0**62:
-        whole = int(place // 1)
-        first, second = _random_number(whole, int(seed)), _random_number(whole + 1, int(seed))
-        step = sum(c * (place - whole) ** i for i, c in enumerate(_SMOOTH_STEP[order]))
-        return (second - first) * step + (first if order == 0 else 0.0)
-    shape = np.broadcast_shapes(np.shape(place), np.shape(seed))
-    place, seed = (np.atleast_1d(np.array(np.broadcast_to(a, shape), dtype=float)) for a in (place, seed))
-    place = np.where(np.abs(place) < 2.0**62, place, np.nan)
-    known = np.where(np.isnan(place), 0.0, place)
-    whole = np.floor(known)
-    first, second = _random(whole, seed), _random(whole + 1, seed)
-    step = sum(c * (known - whole) ** i for i, c in enumerate(_SMOOTH_STEP[order]))
-    value = (second - first) * step + (first if order == 0 else 0.0)
-    return np.where(np.isnan(place), np.nan, value).reshape(shape)[()]
+    """As `noise`, of numbers and of batches."""
+    steps = _SMOOTH_STEP[order]
+    return _at_each(lambda place, seed: noise(order, place, seed, steps, len(steps)), (place, seed))
 '''
 
 BANDED = '''def _banded(count, lower, upper, *entries):
@@ -258,14 +128,16 @@ BANDED = '''def _banded(count, lower, upper, *entries):
     return _solve(count, *full, *entries[count * width :])
 '''
 
-# Operators, and the functions that a module with one of them needs.
-NEEDED = (
-    ({"linear", "cubic", "monotone", "inverse"}, TABLES),
-    ({"inverse"}, INVERSE),
-    ({"natural_slope", "monotone_slope"}, SLOPES),
-    ({"noise"}, NOISE.replace("@SMOOTH@", repr(SMOOTH_STEP))),
-    ({"banded"}, BANDED),
+# Operators, the functions of `algebra/interpolate.py` that they need, and the text that calls the last of these.
+INTERPOLATED: Sequence[tuple[Set[str], Sequence[Callable[..., Any]], str]] = (
+    ({"linear"}, (interpolate.segment, interpolate.linear), CURVE),
+    ({"cubic", "monotone"}, (interpolate.segment, interpolate.hermite), CURVE),
+    ({"inverse"}, (interpolate.segment, interpolate.hermite, interpolate.inverse), CURVE),
+    ({"natural_slope"}, (interpolate.natural_slope,), SLOPES),
+    ({"monotone_slope"}, (interpolate.end_slope, interpolate.monotone_slope), SLOPES),
+    ({"noise"}, (interpolate.mixed, interpolate.random_number, interpolate.noise), NOISE),
 )
+_TYPES = re.compile(r": (Floats|float|int)\b| -> \w+|  # noqa.*")
 
 
 def beginning(operators: Set[str]) -> str:
@@ -275,5 +147,9 @@ def beginning(operators: Set[str]) -> str:
 
 def operator_functions(operators: Set[str]) -> list[str]:
     """Texts of the functions that numpy lacks."""
+    needed = [row for row in INTERPOLATED if row[0] & operators]
+    sources = dict.fromkeys(_TYPES.sub("", getsource(f)) for _, functions, _ in needed for f in functions)
+    calls = [text.format(name=functions[-1].__name__, steps=interpolate.SMOOTH_STEP) for _, functions, text in needed]
+    banded = [BANDED] if "banded" in operators else []
     own = [row.numpy_source for row in OPERATORS.values() if row.name in operators and row.numpy_source]
-    return [*(text for needs, text in NEEDED if needs & operators), *own]
+    return [*sources, *([BATCHES] if needed else []), *calls, *banded, *own]
