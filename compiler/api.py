@@ -68,10 +68,10 @@ if TYPE_CHECKING:
     from .persistent_cache import CacheBackend
     from .project import EditedFile, Project, FileSurvey
     from .garbage_collection import uncollected
-    from .jit.arrays import Bytes, Floats, Ints, Numbers, Record, ShortInts
+    from .jit.arrays import Bytes, Floats, Ints, Numbers, Record, ShortInts, sized
     from .jit.c_source import BEGINNING as C_BEGINNING
     from .jit.c_source import c_source
-    from .jit.kinds import FLOATS, INTS, Fields, Handed, record_of
+    from .jit.kinds import FLOATS, INTS, Fields, Handed, record_of, zeros_of
     from .jit.machine import PLATFORMS as LIBRARY_PLATFORMS
     from .jit.machine import MachineCode, address_of, object_code, processor
     from .jit.machine import available as native_available

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import FLOATS, INTS, Fields, Record, record_of
+from compiler.api import FLOATS, INTS, Fields, record_of, zeros_of
 
+from ..simulation.integrators.acceptance.event_indicators import IndicatorWorkspace
 from ..simulation.integrators.compiled.fields import given_at, room_of
 from ..simulation.integrators.compiled.record_layout import RecordLayout
 from ..simulation.integrators.methods import EXPLICIT, RADAU
 from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals
-from .runtime.events import KEPT
-from .runtime.instance import FmuInstance
-from .runtime.segment import COLUMNS
+from .runtime.instance import EventData, FmuInstance
 
 if TYPE_CHECKING:
     from compiler.api import Hybrid, LibraryModule, Program
@@ -72,34 +71,28 @@ def _complete(record: Fields, values: Mapping[str, Any]) -> dict[str, Any]:
             del result[name]
         elif isinstance(kind, Fields):
             inner = values.get(name, {})
-            result[name] = _complete(kind, vars(inner) if isinstance(inner, Record) else inner)
+            result[name] = _complete(kind, inner)
         elif kind in (FLOATS, INTS):
             result.setdefault(name, np.zeros(0))
     return result
 
 
 def _fields(program: Program, module: LibraryModule, values: StartValues) -> dict[str, Any]:
-    """Return the fields of an instance; those that are not named begin as 0."""
+    """Return the fields of an instance."""
     counts, n, hybrid = module.counts, len(program.states.names), program.hybrid
-    recurring = counts.get("recurring", 0)
     timed = range(counts["switches"]) if hybrid is None else hybrid.timed
     slopes, limits = module.slopes, program.limits
     places = np.cumsum([0, *(len(note.values) for note in limits)])
-    return {
-        "solver": _solver(program, counts, values), "events": None if hybrid is None else _events(hybrid, n), "has_events": int(hybrid is not None),
-        "parameter_count": len(values.parameters), "input_count": len(values.inputs), "output_count": counts["output"],
-        "instant_count": counts["instants"], "period_count": counts["periods"], "recurring_count": recurring, "recurring": np.zeros(recurring),
-        "mode_count": counts["switches"],
-        "timed": np.array(timed, dtype=np.int64), "switches": np.zeros(counts["switches"]),
-        "slope_count": len(slopes), "parameters": np.array(values.parameters, dtype=float), "state": np.zeros(n),
-        "is_set": _whole(n), "starts": np.zeros(n), "rates": np.zeros(n), "outputs": np.zeros(counts["output"]),
-        "instants": np.zeros(counts["instants"]), "periods": np.zeros(counts["periods"]),
-        "slope_rows": np.array([row for row, _ in slopes], dtype=np.int64),
-        "slope_columns": np.array([column for _, column in slopes], dtype=np.int64), "slopes": np.zeros(len(slopes)),
-        "seed": np.zeros(n + len(values.inputs)),
-        "is_table": np.array([note.kind == "table" for note in limits], dtype=np.int64), "limit_place": places[:-1].astype(np.int64),
-        "limit_values": np.zeros(int(places[-1])), "relative": values.tolerances.relative,
-        "own_method": EXPLICIT if program.bends is None else RADAU,
+    return zeros_of(
+        FmuInstance, n=n, has_events=int(hybrid is not None), parameter_count=len(values.parameters), input_count=len(values.inputs),
+        output_count=counts["output"], instant_count=counts["instants"], period_count=counts["periods"], recurring_count=counts.get("recurring", 0),
+        mode_count=counts["switches"], slope_count=len(slopes), seeds=n + len(values.inputs), limit_numbers=int(places[-1]),
+        own_method=EXPLICIT if program.bends is None else RADAU,
+    ) | {
+        "solver": _solver(program, counts, values), "events": None if hybrid is None else _events(hybrid, n), "relative": values.tolerances.relative,
+        "parameters": np.array(values.parameters, dtype=float), "timed": _whole(timed), "slope_rows": _whole(row for row, _ in slopes),
+        "slope_columns": _whole(column for _, column in slopes), "is_table": _whole(note.kind == "table" for note in limits),
+        "limit_place": _whole(places[:-1]),
     }  # fmt: skip
 
 
@@ -121,32 +114,19 @@ def _events(hybrid: Hybrid, n: int) -> dict[str, Any]:
     conditions, events = hybrid.conditions, hybrid.events
     settings = [(i, s) for i, event in enumerate(events) for s in event.settings]
     sampled = [i for i, event in enumerate(events) if event.sampled]
-    m, c = len(conditions), len(events)
-    lists = {
-        "counted": hybrid.counted,
-        "stops": [e.stops for e in events], "late": [e.late for e in events], "owner": [i for i, _ in settings],
-        "position": [s.position for _, s in settings], "is_mode": [s.kind == "mode" for _, s in settings], "sampled": sampled,
+    m = len(conditions)
+    indicators = zeros_of(IndicatorWorkspace, n=n, count=n, root_count=m) | {
+        "bracket": {}, "places": _whole(x.position for x in conditions), "steers": _whole(x.steers for x in conditions),
     }  # fmt: skip
-    whole = dict.fromkeys(("at_once", "was_true", "due", "acts", "acted", "left"), c)
-    whole |= dict.fromkeys(("flips", "crossed"), m) | {"is_set": len(hybrid.modes.names)}
-    sizes = {
-        "floor": m,
-        "counts": len(hybrid.counted), "starts": len(hybrid.modes.names), "values": len(settings), "sampling": COLUMNS * len(sampled),
-        "number": len(sampled), "triggers": c, "when": c, "intervals": KEPT * c,
-    }  # fmt: skip
-    indicators: dict[str, Any] = {name: np.zeros(m) for name in ("root", "noise", "moved", "change", "again", "seen")}
-    indicators |= {name: _whole(m) for name in ("truth", "sought")}
-    indicators |= {name: np.zeros(n) for name in ("rate", "later", "slope")}
-    indicators |= {"n": n, "count": n, "root_count": m, "bracket": {}}
-    of_conditions = {"places": [x.position for x in conditions], "steers": [x.steers for x in conditions]}
-    indicators |= {name: np.array(values, dtype=np.int64) for name, values in of_conditions.items()}
-    return {
-        "conditions": indicators,
-        "discrete_count": len(hybrid.modes.names), "counted_count": len(hybrid.counted), "event_count": c, "setting_count": len(settings),
-        "sample_count": len(sampled), **{k: np.array(v, dtype=np.int64) for k, v in lists.items()},
-        **{k: _whole(v) for k, v in whole.items()}, **{k: np.zeros(v) for k, v in sizes.items()},
+    return zeros_of(
+        EventData, discrete_count=len(hybrid.modes.names), counted_count=len(hybrid.counted), event_count=len(events), setting_count=len(settings),
+        sample_count=len(sampled), root_count=m,
+    ) | {
+        "conditions": indicators, "counted": _whole(hybrid.counted), "stops": _whole(e.stops for e in events), "late": _whole(e.late for e in events),
+        "owner": _whole(i for i, _ in settings), "position": _whole(s.position for _, s in settings),
+        "is_mode": _whole(s.kind == "mode" for _, s in settings), "sampled": _whole(sampled),
     }  # fmt: skip
 
 
-def _whole(count: int) -> Any:
-    return np.zeros(count, dtype=np.int64)
+def _whole(numbers: Iterable[int]) -> Any:
+    return np.array([*numbers], dtype=np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, overload
+from typing import Any, Protocol, overload
 
 
 class Floats(Protocol):
@@ -37,6 +37,11 @@ class Bytes(ShortInts, Protocol):
 
 
 Numbers = tuple[float, ...]  # a literal list in the source
+
+
+def sized(*factors: int | str, plus: int = 0) -> Any:
+    """Return the size of an array that begins with its record, for `kinds.zeros_of`: the product of numbers, and `plus`. A text names a number."""
+    return factors, plus
 
 
 class Record:

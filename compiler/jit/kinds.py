@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from math import prod
 from typing import Any, NamedTuple, get_args
 
 from ..fast_dataclass import dataclass
@@ -92,6 +93,20 @@ def record_of(noun: type) -> Fields:
         home = vars(sys.modules[noun.__module__])
         _KNOWN[noun] = Fields(noun.__name__, {n: kind_of(a, home) for n, a in noun.__annotations__.items()})
     return _KNOWN[noun]
+
+
+def zeros_of(noun: type[Record], **numbers: int) -> dict[str, Any]:
+    """Return the fields with which a record begins: these numbers, others 0, and arrays of zeros. Records, functions, and arrays whose size the record
+    does not give are not among them. `numbers`: also such that only sizes need."""
+    import numpy as np
+
+    kinds = record_of(noun).fields
+    known: dict[str, Any] = {name: 0 for name, kind in kinds.items() if kind in (FLOAT, INT)} | numbers
+    fields = {name: known[name] for name in kinds if name in known}
+    for name, (factors, plus) in ((n, vars(noun)[n]) for n in kinds if n in vars(noun)):
+        size = prod(f if isinstance(f, int) else known[f] for f in factors) + plus
+        fields[name] = np.zeros(size, dtype=np.int64 if kinds[name] == INTS else float)
+    return fields
 
 
 def text_of(kind: Any) -> str:

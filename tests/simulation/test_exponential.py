@@ -9,10 +9,11 @@ import pytest
 import bondgraph
 from bondgraph.simulation.integrators.linear_algebra.exponentials import (
     MATRICES,
+    ExponentialTables,
     propagate,
-    room_for_tables,
     use_matrix,
 )
+from compiler.api import zeros_of
 
 SECOND_ORDER = """
 model A {
@@ -171,7 +172,7 @@ def test_an_absolute_tolerance_is_a_positive_number(target: str, atol: float) ->
 
 def test_tables_of_more_matrices_than_there_is_room_for() -> None:
     """x' = -a x from 1: exp(-a t), for seven a in turn; tables that are still there are used again, even if they have one length."""
-    tables, place = room_for_tables(1, 1), np.array([0])
+    tables, place = ExponentialTables(**zeros_of(ExponentialTables, n=1, entry_count=1)), np.array([0])
     for a in range(1, 8):
         for _ in range(2):
             use_matrix(tables, place, place, np.array([-float(a)]))

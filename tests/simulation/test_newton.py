@@ -10,7 +10,7 @@ import pytest
 import bondgraph
 from bondgraph.simulation.integrators import radau
 from bondgraph.simulation.integrators.compiled.advance import begin, one_step
-from bondgraph.simulation.integrators.linear_algebra.factors import ComplexFactors, Factors, room_for
+from bondgraph.simulation.integrators.linear_algebra.factors import ComplexFactors, Factors
 from bondgraph.simulation.integrators.methods import RADAU
 from bondgraph.simulation.integrators.projection.projection import NormalEquations, ProjectionWorkspace
 from bondgraph.simulation.integrators.steps import radau_step
@@ -19,6 +19,7 @@ from bondgraph.simulation.integrators.steps.radau_step import factorise
 from bondgraph.simulation.integrators.steps.step_control import filtered_norm
 from bondgraph.simulation.integrators.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
 from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
+from compiler.api import zeros_of
 from tests.compiling import MODELS
 
 
@@ -40,7 +41,7 @@ def workspace(rates: Callable[..., None], entries: Callable[..., None]) -> Integ
         "magnitude": ones, "per_unit": ones, "ratio": ones, "relative": 1e-3, "absolute": 1e-3 * ones, "state": np.zeros(2), "jacobian": np.zeros(2),
         "newton_tolerance": newton_tolerance(1e-3, 1.0), "first_newton_tolerance": newton_tolerance(1e-3, 1.0), "allowed_estimate": allowed_estimate(1e-3),
         "creeping_tolerance": creeping_tolerance(1e-3), "longest": np.inf, "usual": np.inf, "stop": 1.0, "until": 1.0,
-        "real": room_for(Factors, 2), "complex": room_for(ComplexFactors, 2), "norms": np.zeros(8), "sizes": np.zeros(8),
+        "real": Factors(**zeros_of(Factors, n=2)), "complex": ComplexFactors(**zeros_of(ComplexFactors, n=2)), "norms": np.zeros(8), "sizes": np.zeros(8),
     })  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from ...simulation.integrators.methods import PARTS
 from .conditions import count_in, guess_mode, look, put, said, settle_mode
 from .instance import (
     ERROR,
+    KEPT,
     NOT_FINITE,
     OK,
     PILED_UP,
@@ -31,7 +32,6 @@ WIDTH, GOLDEN = crossing_search.WIDTH, locate.GOLDEN
 BEYOND, ALIKE, SHRUNK = float(events.BEYOND), float(events.ALIKE), events.SHRUNK
 MOST_AT_ONCE, LEFT = events.MOST_AT_ONCE, events.LEFT
 NOTHING, CUT, UNSURE = 0, 1, 2  # answers of the search for an event in a step
-KEPT = LEFT + 1  # intervals kept for each event: the last ones, and the longest
 
 
 def start_modes(s: FmuInstance) -> None:

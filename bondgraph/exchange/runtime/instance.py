@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 from ...simulation.integrators.acceptance.event_indicators import IndicatorWorkspace
+from ...simulation.integrators.acceptance.event_passing import OFTEN
 from ...simulation.integrators.workspace import Function, IntegratorWorkspace
 
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3  # answers to an importer
 INSTANTIATED, INITIALIZING, EVENTS, RUNNING, TERMINATED, FAILED = 0, 1, 2, 3, 4, 5  # phases of an instance
+KEPT = OFTEN + 1  # intervals kept for each event: the last ones, and the longest
 EVENT_MODE, EARLY_RETURN = (
     2,
     4,
@@ -21,7 +23,7 @@ EVENT_MODE, EARLY_RETURN = (
 
 
 class EventData(Record):
-    """Events of a model, and what their search has seen so far. n states, m conditions, c events.
+    """Events of a model, and what their search has seen so far.
 
     The conditions, their roots and what counts as zero are those of the integration (`root_…` of the workspace).
     """
@@ -38,30 +40,32 @@ class EventData(Record):
     sample_count: int
     conditions: IndicatorWorkspace
     counted: Ints  # counted_count: places of whole numbers of states
-    counts: Floats  # counted_count
-    is_set: Ints  # discrete_count: 1 where the importer has set the start
-    starts: Floats  # discrete_count
-    stops: Ints  # c: 1 where the event ends the run
-    late: Ints  # c: 1 where it sets what the event before it has computed
-    at_once: Ints  # c: 1 where it does so at the same instant
+    counts: Floats = sized("counted_count")
+    is_set: Ints = sized("discrete_count")  # 1 where the importer has set the start
+    starts: Floats = sized("discrete_count")
+    stops: Ints  # event_count: 1 where the event ends the run
+    late: Ints  # event_count: 1 where it sets what the event before it has computed
+    at_once: Ints = sized("event_count")  # 1 where it does so at the same instant
     owner: Ints  # setting_count: the event
     position: Ints  # setting_count: place in the mode or among the states
     is_mode: Ints  # setting_count
-    values: Floats  # setting_count
+    values: Floats = sized("setting_count")
     sampled: Ints  # sample_count: the event
-    sampling: Floats  # 5 sample_count: period, offset, delay, jitter, seed
-    number: Floats  # sample_count: of the next tick
-    triggers: Floats  # c
-    was_true: Ints  # c
-    due: Ints  # c
-    acts: Ints  # c
-    acted: Ints  # c: 1 for those that acted at this instant
-    left: Ints  # c: how often in a row an event made its condition false
-    when: Floats  # c: instant at which it acted last
-    intervals: Floats  # 4 c: between the last instants at which it acted, the latest first; then the longest one
-    floor: Floats  # m: before this instant
-    flips: Ints  # m: conditions that change again and again
-    crossed: Ints  # m: those that have crossed zero
+    sampling: Floats = sized(5, "sample_count")  # period, offset, delay, jitter, seed
+    number: Floats = sized("sample_count")  # of the next tick
+    triggers: Floats = sized("event_count")
+    was_true: Ints = sized("event_count")
+    due: Ints = sized("event_count")
+    acts: Ints = sized("event_count")
+    acted: Ints = sized("event_count")  # 1 for those that acted at this instant
+    left: Ints = sized("event_count")  # how often in a row an event made its condition false
+    when: Floats = sized("event_count")  # instant at which it acted last
+    intervals: Floats = sized(
+        KEPT, "event_count"
+    )  # between the last instants at which it acted, the latest first; then the longest one
+    floor: Floats = sized("root_count")  # before this instant
+    flips: Ints = sized("root_count")  # conditions that change again and again
+    crossed: Ints = sized("root_count")  # those that have crossed zero
     alike: int  # 1 if the rates are equal in the modes of a cycle
     modes_known: int
     resets: int  # 1 if a state was set at this instant
@@ -75,7 +79,7 @@ class EventData(Record):
 
 
 class FmuInstance(Record):
-    """Values of a model and the state of its integration. n states; sizes of arrays after the names.
+    """Values of a model and the state of its integration. n states.
 
     Value references count: time, states, their rates, inputs, parameters, outputs, discrete variables.
     """
@@ -100,24 +104,24 @@ class FmuInstance(Record):
     slope_count: int
     mode_count: int  # of conditions on time
     timed: Ints  # mode_count: their places in the mode
-    switches: Floats  # mode_count
+    switches: Floats = sized("mode_count")
     parameters: Floats  # parameter_count
-    state: Floats  # n
-    is_set: Ints  # n: 1 where the importer has set the start
-    starts: Floats  # n
-    rates: Floats  # n
-    outputs: Floats  # output_count
-    instants: Floats  # instant_count
+    state: Floats = sized("n")
+    is_set: Ints = sized("n")  # 1 where the importer has set the start
+    starts: Floats = sized("n")
+    rates: Floats = sized("n")
+    outputs: Floats = sized("output_count")
+    instants: Floats = sized("instant_count")
     recurring_count: int
-    recurring: Floats  # recurring_count: value at time 0 and slope of functions that jump at integers
-    periods: Floats  # period_count
+    recurring: Floats = sized("recurring_count")  # value at time 0 and slope of functions that jump at integers
+    periods: Floats = sized("period_count")
     slope_rows: Ints  # slope_count: rates, then outputs
     slope_columns: Ints  # slope_count: states, then inputs
-    slopes: Floats  # slope_count
-    seed: Floats  # n + input_count
+    slopes: Floats = sized("slope_count")
+    seed: Floats = sized("seeds")
     is_table: Ints  # for each limit 1 where nothing is known beyond it
     limit_place: Ints  # for each limit the first of its values: of a table the argument and both ends
-    limit_values: Floats
+    limit_values: Floats = sized("limit_numbers")
     time: float
     next_instant: float
     stop: float

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, SOLVERS, Program
+from compiler.api import AUTOMATIC, SOLVERS, Program, zeros_of
 
 from ..events.events import EventInstant, Events
-from ..integrators.acceptance.crossing_search import GRID, PLACES
 from ..integrators.acceptance.event_passing import FOUND, KNOWN, ROOM, EventWorkspace
 from ..integrators.compiled.record_layout import RecordArray, form_of
 from ..integrators.methods import METHODS
@@ -53,30 +52,16 @@ class EventRun(Protocol):
 
 def _room(program: Program, events: Events) -> dict[str, Any]:
     """Return the fields that depend on the program alone."""
-    hybrid, states, size = events.hybrid, len(program.states.names), mode_size(program, events.constants)
+    hybrid = events.hybrid
     settings = [(number, s) for number, event in enumerate(hybrid.events) for s in event.settings]
-    count, conditions, junctions = len(hybrid.events), len(hybrid.conditions), len(hybrid.junctions)
     tables = {
         "stops": [e.stops or e.sampled for e in hybrid.events], "owner": [number for number, _ in settings],
         "position": [s.position for _, s in settings], "is_mode": [s.kind == "mode" for _, s in settings],
     }  # fmt: skip
-    whole = {
-        "on": count, "acts": count, "acted": count, "left": count, "on_before": count, "crossed": conditions, "is_active": junctions,
-        "known_method": KNOWN, "log_kind": ROOM, "log_crossed": ROOM * conditions, "log_acted": ROOM * count,
-    }  # fmt: skip
-    lengths = {
-        "reset_value": len(settings), "active": junctions, "holds": count, "times": PLACES + GRID + 1, "roots_there": (PLACES + GRID + 1) * conditions,
-        "mode_before": size, "known_mode": KNOWN * size, "log_time": ROOM, "log_mode": ROOM * size, "begun_state": states, "peak": states,
-    }  # fmt: skip
-    numbers = {"mode_size": size, "event_count": count, "setting_count": len(settings), "junction_count": junctions}
-    zeros = (
-        "logged_before", "derivatives_before", "known_count", "logged", "passed", "begun_position", "most_events", "otherwise", "steps", *TOTALS.values(),
-        "recent", "spacing", "spacing_before", "begun",
-    )  # fmt: skip
-    arrays: dict[str, Any] = {name: np.array(values, dtype=np.int64) for name, values in tables.items()}
-    arrays |= {name: np.zeros(length, dtype=np.int64) for name, length in whole.items()}
-    arrays |= {name: np.zeros(length) for name, length in lengths.items()}
-    return arrays | numbers | dict.fromkeys(zeros, 0)
+    return zeros_of(
+        EventWorkspace, mode_size=mode_size(program, events.constants), event_count=len(hybrid.events), setting_count=len(settings),
+        junction_count=len(hybrid.junctions), root_count=len(hybrid.conditions), n=len(program.states.names),
+    ) | {name: np.array(values, dtype=np.int64) for name, values in tables.items()}  # fmt: skip
 
 
 def is_passable(stepper: IntegrationState) -> bool:

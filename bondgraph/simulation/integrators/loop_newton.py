@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite, sqrt
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 from .linear_algebra.factors import Factors, back, eliminate
 from .workspace import Function
@@ -41,17 +41,17 @@ class LoopSystem(Record):
     columns: Ints  # entry_count
     magnitude: Floats  # n: 0 where it is not known
     unknown: int  # 1 if one of them is not
-    z: Floats  # n: guess, then solution
+    z: Floats = sized("n")  # guess, then solution
     # work arrays
-    rates: Floats
-    jacobian: Floats
-    unit: Floats  # n
-    value: Floats  # n: residuals
-    scale: Floats  # n: of the rows, in these units
-    step: Floats  # n
-    trial: Floats  # n
-    found: Floats  # n
-    inverse: Floats  # n n
+    rates: Floats = sized("variables")
+    jacobian: Floats = sized("all_entries")
+    unit: Floats = sized("n")
+    value: Floats = sized("n")  # residuals
+    scale: Floats = sized("n")  # of the rows, in these units
+    step: Floats = sized("n")
+    trial: Floats = sized("n")
+    found: Floats = sized("n")
+    inverse: Floats = sized("n", "n")
     real: Factors
 
 

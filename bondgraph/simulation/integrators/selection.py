@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 from .projection.projection import Function
 
@@ -18,8 +18,8 @@ class StateSelection(Record):
     rows: Ints  # slope_count
     columns: Ints  # slope_count
     chosen: Ints  # slope_count: 1: these can be exchanged
-    slopes: Floats  # slope_count
-    stored: Floats  # count + dependent_count
+    slopes: Floats = sized("slopes_room")
+    stored: Floats = sized("stored_room")
     peak: Floats  # count + dependent_count
     worst: float
 

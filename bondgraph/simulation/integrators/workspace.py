@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
+from ...numerics.indicators import PLACES
+from .dop853 import ALL_STAGES
 from .linear_algebra.exponentials import ExponentialTables
 from .linear_algebra.factors import ComplexFactors, Factors
 from .linear_algebra.sparse import Pattern
 from .projection.projection import ProjectionWorkspace
+from .radau import STUBBORN
 from .selection import StateSelection
 
 # Arguments: time, state, inputs, constants, mode, array for the values.
@@ -20,7 +23,7 @@ Function = Callable[[float, "Floats", "Floats", "Floats", "Floats", "Floats"], N
 
 
 class IntegratorWorkspace(Record):
-    """Data of an integration over one smooth segment. n states and unknowns; sizes of arrays after the names."""
+    """Data of an integration over one smooth segment. n states and unknowns."""
 
     # functions of the program
     derivative: Function
@@ -60,7 +63,7 @@ class IntegratorWorkspace(Record):
     # signals that a step must resolve
     signal_count: int
     allowed: Floats  # signal_count
-    seen: Floats  # (SEEN + UNSEEN) signal_count
+    seen: Floats = sized("looks", "signal_count")
     signal_nodes: int  # number of places at which the signals are known
     node_time: Floats  # signal_nodes
     node_value: Floats  # signal_nodes signal_count
@@ -71,49 +74,49 @@ class IntegratorWorkspace(Record):
     longest: float
     # kinks of laws
     bend_count: int
-    bend_seen: Floats  # 6 bend_count: values at places of a step, and work space
-    bend_side: Floats  # bend_count: side of each kink at which the Jacobian was computed
+    bend_seen: Floats = sized(6, "bend_count")  # values at places of a step, and work space
+    bend_side: Floats = sized("bend_count")  # side of each kink at which the Jacobian was computed
     # peaks of laws: places and values, see `steps/peaks.py`
     peak_node_count: int
-    peak_nodes: Floats  # 8: fractions of a step at which they are evaluated
+    peak_nodes: Floats = sized(8)  # fractions of a step at which they are evaluated
     peak_count: int
-    peak_seen: Floats  # 18 peak_count: values at places of a step, and work space
-    beside: Floats  # 3n: what rates are beside the slope of the step in a peak and outside of it
+    peak_seen: Floats = sized(18, "peak_count")  # values at places of a step, and work space
+    beside: Floats = sized(3, "n")  # what rates are beside the slope of the step in a peak and outside of it
     peak_ahead: float  # size of the step after one that ends before a peak; else 0
     peak_cuts: int  # tries of this step in which peaks were looked for
     # conditions that may cross zero
     root_count: int
-    root_said: Ints  # root_count: 1 where the condition holds in the mode
+    root_said: Ints = sized("root_count")  # 1 where the condition holds in the mode
     root_strict: Ints  # root_count: 1 where it does not hold at zero
-    root_floor: Floats  # root_count: rounding level
-    root_seen: Floats  # interpolants.PLACES root_count
+    root_floor: Floats = sized("root_count")  # rounding level
+    root_seen: Floats = sized(PLACES, "root_count")
     root_narrow: int  # 1 if an indicator may have narrow peaks, which values at places do not show
-    root_form: Floats  # interpolants.PLACES: the polynomial of one of them
-    greatest: Floats  # n: largest values of the scaled states
+    root_form: Floats = sized(PLACES)  # the polynomial of one of them
+    greatest: Floats = sized("n")  # largest values of the scaled states
     # current point
     time: float
     stop: float
     until: float  # end of the last step at an event, or the stop
     size: float
     state: Floats  # n
-    rate: Floats  # n
+    rate: Floats = sized("n")
     last_size: float  # 0 before the first step
     last_error: float
     contraction: float  # contraction of the last Newton iteration
     rounded: float  # largest rounding, in tolerances, with which a step was accepted
-    stages: Floats  # stages n, relative to the start of the last step
+    stages: Floats = sized("stage_room", "n")  # relative to the start of the last step
     # Jacobian and the matrices that it gives
     current: int  # 1 if the Jacobian belongs to this state
     known: int  # 1 if there is a Jacobian
     factorised: int
     factorised_size: float
     negative: int  # 1 if the determinant of the real matrix is negative; 0 where it is sparse
-    jacobian: Floats  # entry_count
-    inner_jacobian: Floats  # entry_count: at an instant within a step
+    jacobian: Floats = sized("entry_count")
+    inner_jacobian: Floats = sized("entry_count")  # at an instant within a step
     inner: Factors
-    steepness: Floats  # n: step size times the sum of the absolute values in a row of the Jacobian
+    steepness: Floats = sized("n")  # step size times the sum of the absolute values in a row of the Jacobian
     # polynomials of the last step
-    apart: Ints  # n: how the two polynomials of the last step agree, see `polynomials.py`
+    apart: Ints = sized("n")  # how the two polynomials of the last step agree, see `polynomials.py`
     differs: int  # the largest of them
     # factorised matrices: sparse on a pattern, or dense
     sparse: int
@@ -128,68 +131,68 @@ class IntegratorWorkspace(Record):
     since_order: int  # number of steps with this many stages
     # the last three ends of steps
     ends: int
-    end_time: Floats  # 3
-    end_state: Floats  # 3 n
-    end_slope: Floats  # 3 n
+    end_time: Floats = sized(3)
+    end_state: Floats = sized(3, "n")
+    end_slope: Floats = sized(3, "n")
     first_sloped: int  # 1 if the rates at the first of them are known
-    nodes: Floats  # 6
-    coefficients: Floats  # 6 n: coefficients of the polynomial through them
+    nodes: Floats = sized(6)
+    coefficients: Floats = sized(6, "n")  # coefficients of the polynomial through them
     node_count: int  # 0: not yet computed
     # matrix exponential
     exponentials: ExponentialTables
     # energy-conserving method
     energy: float  # energy to be conserved
-    energies: Floats  # 1 + n: energy of a state, and its gradient
-    dropped: Floats  # n: rounding errors of the last steps
+    energies: Floats = sized("n", plus=1)  # energy of a state, and its gradient
+    dropped: Floats = sized("n")  # rounding errors of the last steps
     # DOP853
-    slope: Floats  # 16 n: rates of the stages
-    dense: Floats  # 7 n: coefficients of the dense output of the last step
+    slope: Floats = sized(ALL_STAGES, "n")  # rates of the stages
+    dense: Floats = sized(7, "n")  # coefficients of the dense output of the last step
     dense_known: int
     # search for the fastest mode
     automatic: int  # 1: where only stability limits the steps, another method goes on
     fastest: float  # the rate of the fastest mode, 1/s; 0: not known
-    direction: Floats  # n: direction of the fastest mode
+    direction: Floats = sized("n")  # direction of the fastest mode
     since_looked: int  # number of steps since the last search for it
     held_by_stability: int  # number of last steps limited by stability
     free_steps: int  # number of other steps since then
     # work arrays
-    si: Floats  # n: states in SI
-    z: Floats  # stages n
-    w: Floats  # stages n
-    f: Floats  # stages n
-    change: Floats  # stages n
-    last_change: Floats  # stages n: that of the last iteration
-    scale: Floats  # n
-    per_tolerance: Floats  # n: one over the tolerances of a step
-    new: Floats  # n
-    error: Floats  # n: error of the last step, in units of its tolerance
-    rest: Floats  # n
-    terms: Floats  # n: the sizes of the terms of each equation
-    norms: Floats  # STUBBORN: of the last rejected tries
-    sizes: Floats  # STUBBORN
+    si: Floats = sized("n")  # states in SI
+    z: Floats = sized("stage_room", "n")
+    w: Floats = sized("stage_room", "n")
+    f: Floats = sized("stage_room", "n")
+    change: Floats = sized("stage_room", "n")
+    last_change: Floats = sized("stage_room", "n")  # that of the last iteration
+    scale: Floats = sized("n")
+    per_tolerance: Floats = sized("n")  # one over the tolerances of a step
+    new: Floats = sized("n")
+    error: Floats = sized("n")  # error of the last step, in units of its tolerance
+    rest: Floats = sized("n")
+    terms: Floats = sized("n")  # the sizes of the terms of each equation
+    norms: Floats = sized(STUBBORN)  # of the last rejected tries
+    sizes: Floats = sized(STUBBORN)
     # reported states
-    instants: Floats
+    instants: Floats = sized("instant_count")
     instant_count: int
     position: int
-    reported: Floats  # instant_count n
+    reported: Floats = sized("instant_count", "n")
     # states at places of all steps, for the extremes of the outputs
     place_count: int  # in each step; 0: none are kept
-    places: Floats  # place_count: fractions of a step
+    places: Floats = sized("place_count")  # fractions of a step
     kept: int  # number of instants that are stored
     kept_room: int
-    kept_time: Floats  # kept_room
-    kept_state: Floats  # kept_room n
+    kept_time: Floats = sized("kept_room")
+    kept_state: Floats = sized("kept_room", "n")
     # limits
     limit_count: int
-    left: Ints  # limit_count: 1 where a violation is known
-    truth: Floats  # limit_count
+    left: Ints = sized("limits")  # 1 where a violation is known
+    truth: Floats = sized("limits")
     always: int  # 1 if the caller checks every step
     selection: StateSelection
     # work
     power_count: int
-    work: Floats  # power_count
-    power: Floats  # 7 power_count
-    partial: Floats  # 2 power_count
+    work: Floats = sized("power_count")
+    power: Floats = sized(7, "power_count")
+    partial: Floats = sized(2, "power_count")
     traffic: float
     tolerance: float  # relative, of the work
     pending: int  # 2: the last step has not been checked yet; 1: it is not yet complete
@@ -197,8 +200,8 @@ class IntegratorWorkspace(Record):
     closed: ProjectionWorkspace
     usual: float  # the longest step where no pose is near
     poses: int  # number of last ones stored
-    pose_time: Floats  # 3
-    pose_least: Floats  # 3: smallest singular values
+    pose_time: Floats = sized(3)
+    pose_least: Floats = sized(3)  # smallest singular values
     ahead: float  # extrapolated time until it vanishes
     behind: float
     tried: float  # time ahead at the last failed try to cross

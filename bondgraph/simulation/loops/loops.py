@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray, Program
+from compiler.api import Array, IntArray, Program, zeros_of
 
 from ...errors import RunFailed
 from ...numerics.scales import nonzero
 from ..integrators.compiled.plain import record_for
-from ..integrators.linear_algebra.factors import Factors, room_for
+from ..integrators.linear_algebra.factors import Factors
 from ..integrators.loop_newton import LoopSystem
 
 if TYPE_CHECKING:
@@ -331,11 +331,10 @@ def _room(program: Program, which: IntArray, chosen: IntArray, place: tuple[IntA
     own = np.isin(rows, which) & np.isin(columns, which)
     index = np.zeros(count, dtype=int)
     index[which] = np.arange(n)
-    lengths = dict.fromkeys(("z", "unit", "value", "scale", "step", "trial", "found"), n)
-    lengths |= {"rates": count, "jacobian": len(program.pattern[0]), "inverse": n * n}
-    return {
-        "n": n, "places": len(program.states.names) + which, "entry_count": int(np.count_nonzero(own)), "chosen": chosen[own], "rows": index[rows[own]],
-        "columns": index[columns[own]], "real": room_for(Factors, n), **{name: np.zeros(length) for name, length in lengths.items()},
+    entries = {"entry_count": int(np.count_nonzero(own)), "all_entries": len(program.pattern[0])}
+    return zeros_of(LoopSystem, n=n, variables=count, **entries) | {
+        "places": len(program.states.names) + which, "chosen": chosen[own], "rows": index[rows[own]], "columns": index[columns[own]],
+        "real": zeros_of(Factors, n=n),
     }  # fmt: skip
 
 

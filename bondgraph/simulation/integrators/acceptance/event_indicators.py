@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite, ulp
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
+from ....numerics.indicators import GRID, PLACES
 from ....numerics.roots import Bracket
 from ..workspace import Function
 from .zero_crossings import truth
@@ -31,7 +32,7 @@ RootsAt = Callable[[float, "Floats"], None]
 
 
 class IndicatorWorkspace(Record):
-    """Conditions of a program at an instant. n states and unknowns, of which `count` are states; m conditions."""
+    """Conditions of a program at an instant. n states and unknowns, of which `count` are states."""
 
     derivative: Function
     roots: Function
@@ -42,61 +43,65 @@ class IndicatorWorkspace(Record):
     n: int
     count: int
     root_count: int
-    places: Ints  # m: index of the condition in the mode
-    strict: Ints  # m: 1 where the condition does not hold at zero
-    steers: Ints  # m: 1 where a law reads it, not only events
+    places: Ints  # root_count: index of the condition in the mode
+    strict: Ints  # root_count: 1 where the condition does not hold at zero
+    steers: Ints  # root_count: 1 where a law reads it, not only events
     horizon: float  # length of the run, s
     until: float  # end of the segment, s: beyond it other conditions on time hold
     relative: float  # tolerance of the run; 0 where it is not known
-    magnitude: Floats  # n: 0 where it is not known
+    magnitude: Floats = sized("n")  # 0 where it is not known
     # the hybrid state
     time: float
-    state: Floats  # n
+    state: Floats = sized("n")
     mode: Floats
     # roots, their rounding, and the flow there
-    root: Floats  # m
-    noise: Floats  # m
+    root: Floats = sized("root_count")
+    noise: Floats = sized("root_count")
     flows: int  # 1 if there are rates, all finite
-    rate: Floats  # n
+    rate: Floats = sized("n")
     whole: float  # time in which the flow moves a state by its magnitude, at most the run's length
     # roots a little later
-    truth: Ints  # m: 1 where the condition holds just after
-    sought: Ints  # m: 1 where the sign is sought, -1 where it was found, `SLOWLY` in a motion from rest, 0 where it was clear
-    moved: Floats  # m: change that shows it, or 0
-    later: Floats  # n
-    slope: Floats  # n
-    change: Floats  # m
-    again: Floats  # m
-    floor: Floats  # m: level below which a root is rounding
-    # a part of a step, and the roots there; places and grid as in `numerics/indicators.py`
+    truth: Ints = sized("root_count")  # 1 where the condition holds just after
+    sought: Ints = sized(
+        "root_count"
+    )  # 1 where the sign is sought, -1 where it was found, `SLOWLY` in a motion from rest, 0 where it was clear
+    moved: Floats = sized("root_count")  # change that shows it, or 0
+    later: Floats = sized("n")
+    slope: Floats = sized("n")
+    change: Floats = sized("root_count")
+    again: Floats = sized("root_count")
+    floor: Floats = sized("root_count")  # level below which a root is rounding
+    # a part of a step, and the roots there
     low: float
     high: float
-    said: Ints  # m: 1 where the condition holds in the mode
-    values: Floats  # PLACES m
-    form: Floats  # PLACES m: coefficients of the polynomials
-    grid: Floats  # (GRID + 1) m: their values on the grid
-    error: Floats  # m: of the polynomial
-    variation: Floats  # m
-    converged: Ints  # m: 1 where the polynomial is valid between the places
-    near: Ints  # m: 1 where there may be a crossing
+    said: Ints = sized("root_count")  # 1 where the condition holds in the mode
+    values: Floats = sized(PLACES, "root_count")
+    form: Floats = sized(PLACES, "root_count")  # coefficients of the polynomials
+    grid: Floats = sized(GRID + 1, "root_count")  # their values on the grid
+    error: Floats = sized("root_count")  # of the polynomial
+    variation: Floats = sized("root_count")
+    converged: Ints = sized("root_count")  # 1 where the polynomial is valid between the places
+    near: Ints = sized("root_count")  # 1 where there may be a crossing
     near_count: int
-    unsure: Ints  # m: 1 where the polynomial does not show all of it
+    unsure: Ints = sized("root_count")  # 1 where the polynomial does not show all of it
     unsure_count: int
-    shown: Ints  # m: 1 where a place shows a crossing
-    crosses: Ints  # m: 1 where the grid does
+    shown: Ints = sized("root_count")  # 1 where a place shows a crossing
+    crosses: Ints = sized("root_count")  # 1 where the grid does
     clear_count: int  # number of near ones without such a place
-    dips: Ints  # (GRID + 1) m: 1 where the polynomial may touch zero
-    dipping: Ints  # m: 1 where it may somewhere
-    suspects: Floats  # PLACES + GRID + 1: instants at which conditions may have changed
+    dips: Ints = sized(GRID + 1, "root_count")  # 1 where the polynomial may touch zero
+    dipping: Ints = sized("root_count")  # 1 where it may somewhere
+    suspects: Floats = sized(PLACES + GRID + 1)  # instants at which conditions may have changed
     suspect_count: int
-    at_place: Ints  # PLACES: 1 where a condition differs from the mode
-    at_grid: Ints  # GRID + 1: 1 where the polynomial of one begins to, or is deepest behind its crossing
+    at_place: Ints = sized(PLACES)  # 1 where a condition differs from the mode
+    at_grid: Ints = sized(GRID + 1)  # 1 where the polynomial of one begins to, or is deepest behind its crossing
     # narrowing
-    seen: Floats  # m: roots at the last instant
-    scale: Floats  # m: size of the roots behind the crossing
-    flipping: Ints  # m: 1 for the conditions that are followed
-    behind: Ints  # m: 1 where a condition differs from the mode at the last instant
-    touching: Ints  # m: 2 where a condition is zero at the found instant alone, `CHANGES` where it changes
+    seen: Floats = sized("root_count")  # roots at the last instant
+    scale: Floats = sized("root_count")  # size of the roots behind the crossing
+    flipping: Ints = sized("root_count")  # 1 for the conditions that are followed
+    behind: Ints = sized("root_count")  # 1 where a condition differs from the mode at the last instant
+    touching: Ints = sized(
+        "root_count"
+    )  # 2 where a condition is zero at the found instant alone, `CHANGES` where it changes
     bracket: Bracket
     found: float  # first instant behind the crossing
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import isfinite, ulp
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 from ...monitors import step_size_diagnosis
 from ..cuts import ALLOWED, BACK, HALVES, NEAR, PARTED, SHORTEST, SLOPE
@@ -41,7 +41,7 @@ BEYOND = step_size_diagnosis.BEYOND
 
 
 class EventWorkspace(Record):
-    """Events of a program in a run, and what they do on the way. n states, m conditions, c events; modes have `mode_size` items."""
+    """Events of a program in a run, and what they do on the way. Modes have `mode_size` items."""
 
     triggers: Function
     values: Function
@@ -52,50 +52,50 @@ class EventWorkspace(Record):
     event_count: int
     setting_count: int
     junction_count: int
-    stops: Ints  # c: 1 where the event ends the run
+    stops: Ints  # event_count: 1 where the event ends the run
     owner: Ints  # setting_count: the event
     position: Ints  # setting_count: place in the mode or among the states
     is_mode: Ints  # setting_count
-    reset_value: Floats  # setting_count
-    active: Floats  # junction_count
-    is_active: Ints  # junction_count: 1 where it is on in this program
-    holds: Floats  # c: truth of the conditions of the events
-    on: Ints  # c: the same before this instant
-    acts: Ints  # c
-    acted: Ints  # c
-    left: Ints  # c: times in a row that an event made its condition false
-    crossed: Ints  # m: conditions that have crossed zero
+    reset_value: Floats = sized("setting_count")
+    active: Floats = sized("junction_count")
+    is_active: Ints = sized("junction_count")  # 1 where it is on in this program
+    holds: Floats = sized("event_count")  # truth of the conditions of the events
+    on: Ints = sized("event_count")  # the same before this instant
+    acts: Ints = sized("event_count")
+    acted: Ints = sized("event_count")
+    left: Ints = sized("event_count")  # times in a row that an event made its condition false
+    crossed: Ints = sized("root_count")  # conditions that have crossed zero
     recent: float  # instant of the last event
     spacing: float  # length of the part of a step in which the last zero crossing was found
-    times: Floats  # PLACES + GRID + 1
-    roots_there: Floats  # (PLACES + GRID + 1) m: roots at these times
+    times: Floats = sized(PLACES + GRID + 1)
+    roots_there: Floats = sized(PLACES + GRID + 1, "root_count")  # roots at these times
     many: int  # steps of a segment whose cause is reported
     most_events: int  # that may still act
     # of the step, to begin it again
-    mode_before: Floats  # mode_size
-    on_before: Ints  # c
+    mode_before: Floats = sized("mode_size")
+    on_before: Ints = sized("event_count")
     logged_before: int
     spacing_before: float
     derivatives_before: int
     # methods with which segments in some modes have begun
     automatic: int  # 1 if another method may take over
     known_count: int
-    known_mode: Floats  # KNOWN mode_size
-    known_method: Ints  # KNOWN
+    known_mode: Floats = sized(KNOWN, "mode_size")
+    known_method: Ints = sized(KNOWN)
     otherwise: int  # method in all other modes; -1: not known
     # what has happened since Python has looked: instants, and the modes from there on
     logged: int
-    log_time: Floats  # ROOM
-    log_kind: Ints  # ROOM: FOUND or THROUGH
-    log_mode: Floats  # ROOM mode_size
-    log_crossed: Ints  # ROOM m
-    log_acted: Ints  # ROOM c
+    log_time: Floats = sized(ROOM)
+    log_kind: Ints = sized(ROOM)  # FOUND or THROUGH
+    log_mode: Floats = sized(ROOM, "mode_size")
+    log_crossed: Ints = sized(ROOM, "root_count")
+    log_acted: Ints = sized(ROOM, "event_count")
     # segments that have ended, and the one that has begun last
     passed: int
     begun: float
-    begun_state: Floats  # n
+    begun_state: Floats = sized("n")
     begun_position: int
-    peak: Floats  # n: largest values in SI
+    peak: Floats = sized("n")  # largest values in SI
     steps: int
     derivatives: int
     jacobians: int

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array, Program, zeros_of
 
-from ....numerics.indicators import PLACES
 from ...segments.context import SegmentContext
 from ...segments.timeline import LOOKS, Segment, Signals, inside
 from .. import dop853
-from ..linear_algebra.exponentials import LARGEST, room_for_tables
+from ..linear_algebra.exponentials import LARGEST, ExponentialTables
 from ..linear_algebra.factorise import is_large
-from ..linear_algebra.factors import ComplexFactors, Factors, room_for
+from ..linear_algebra.factors import ComplexFactors, Factors
 from ..methods import METHODS
-from ..radau import STUBBORN
 from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
+from ..workspace import IntegratorWorkspace
 
 COUNTS = "steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"
 # Fields of a new solver: of the search for the fastest mode, and of what steps share with each other.
@@ -77,44 +74,22 @@ def room_of(program: Program, method: int, signals: int, bends: int, peaks: int)
     differential, entries = len(program.states.names), len(program.pattern[0])
     large = is_sparse(program)
     row = METHODS[method]
-    stages = row.stages * n
-    pair = partial(room_for, ComplexFactors)
     order = 3 * n if row.conserving else 0 if large else n  # size of the linear systems
+    pairs = [0 if row.conserving else order, *2 * [order if row.stages > 3 else 0]]
     limits = len(program.limits)
     conditions = () if program.hybrid is None else program.hybrid.conditions
     narrow = program.time_functions is not None and bool(program.time_functions.conditions)
-    room: Callable[[int], Any] = partial(np.zeros, dtype=float)
-    whole: Callable[[int], Any] = partial(np.zeros, dtype=np.int64)
-    return {
-        "root_count": len(conditions), "root_said": whole(len(conditions)),
-        "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "root_floor": room(len(conditions)),
-        "root_seen": room(PLACES * len(conditions)), "root_narrow": int(narrow), "root_form": room(PLACES), "greatest": room(n),
-        "bend_count": bends, "bend_seen": room(6 * bends), "bend_side": room(bends), "beside": room(3 * n if peaks else 0),
-        "peak_count": peaks // 2, "peak_seen": room(9 * peaks), "peak_ahead": 0.0, "peak_node_count": 0, "peak_nodes": room(8), "peak_cuts": 0,
-        "n": n, "differential": differential, "method": method, "entry_count": entries,
-        "seen": room(max(len(LOOKS), len(dop853.LOOKS)) * signals), "poses": 0, "pose_time": room(3), "pose_least": room(3),
-        "ahead": 0.0, "behind": 0.0, "tried": 0.0, "comes": 0, "size": 0.0, "rate": room(n),
-        "rounded": 0.0,
-        "last_size": 0.0, "last_error": 0.0, "contraction": 0.0, "stages": room(stages), "current": 0, "known": 0, "factorised": 0, "negative": 0,
-        "factorised_size": 0.0, "jacobian": room(entries), "steepness": room(n), "inner_jacobian": room(entries),
-        "inner": room_for(Factors, 0 if row.conserving or large else n), "sparse": int(large),
-        "real": room_for(Factors, order), "complex": pair(0 if row.conserving else order), "ends": 0,
-        "second": pair(order if row.stages > 3 else 0), "third": pair(order if row.stages > 3 else 0),
-        "stage_count": 0, "smoothed_contraction": 0.0, "since_order": 0,
-        "end_time": room(3), "end_state": room(3 * n), "end_slope": room(3 * n), "first_sloped": 0, "nodes": room(6),
-        "coefficients": room(6 * n), "node_count": 0, "apart": whole(n), "differs": 0, "si": room(n), "z": room(stages), "w": room(stages), "f": room(stages),
-        "change": room(stages), "last_change": room(stages), "scale": room(n), "per_tolerance": room(n), "new": room(n), "error": room(n),
-        "rest": room(n), "terms": room(n), "norms": room(STUBBORN), "sizes": room(STUBBORN),
-        "instants": room(0), "instant_count": 0, "position": 0, "reported": room(0),
-        "place_count": 0, "places": room(0), "kept": 0, "kept_room": 0, "kept_time": room(0), "kept_state": room(0),
-        "limit_count": limits if program.watched else 0, "left": whole(limits),
-        "truth": room(limits), "always": int(program.watched and n > differential), "selection": {"slope_count": 0}, "power_count": 0, "work": room(0),
-        "power": room(0), "partial": room(0), "traffic": 0.0, "pending": 0, "steps": 0, "rejected": 0,
-        "derivatives": 0, "jacobians": 0, "factorisations": 0,
-        "exponentials": room_for_tables(*((n, entries) if is_piecewise_affine(program) and n <= LARGEST else (0, 0))),
-        "energy": 0.0, "energies": room(1 + n), "dropped": room(n),
-        "slope": room(dop853.ALL_STAGES * n), "dense": room(7 * n), "dense_known": 0,
-        "automatic": 0, "fastest": 0.0, "direction": room(n), "since_looked": dop853.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0,
+    exact = is_piecewise_affine(program) and n <= LARGEST
+    return zeros_of(
+        IntegratorWorkspace, n=n, differential=differential, method=method, entry_count=entries, sparse=int(large), root_count=len(conditions),
+        root_narrow=int(narrow), bend_count=bends, peak_count=peaks // 2, signal_count=signals, looks=max(len(LOOKS), len(dop853.LOOKS)),
+        stage_room=row.stages, limits=limits, limit_count=limits if program.watched else 0, always=int(program.watched and n > differential),
+        since_looked=dop853.LOOK_AGAIN,
+    ) | {
+        "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "selection": {"slope_count": 0},
+        "inner": zeros_of(Factors, n=0 if row.conserving or large else n), "real": zeros_of(Factors, n=order),
+        **{name: zeros_of(ComplexFactors, n=size) for name, size in zip(("complex", "second", "third"), pairs, strict=True)},
+        "exponentials": zeros_of(ExponentialTables, n=n * exact, entry_count=entries * exact),
     }  # fmt: skip
 
 

@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array, Program, zeros_of
 
-from ....numerics.indicators import GRID, PLACES
 from ...segments.timeline import mode_size
 from ..acceptance.event_indicators import IndicatorWorkspace
 from .plain import Plain, functions_of, record_for
 from .record_layout import RecordArray
 
-MASKS = "converged", "near", "unsure", "shown", "crosses", "dipping"
 SHARED = "inputs", "constants", "horizon"
 # what `evaluate` leaves behind for `look_ahead`
 EVALUATED = "time", "until", "state", "mode", "root", "noise", "flows", "rate", "whole", "sought", "moved"
@@ -24,35 +22,15 @@ EVALUATED = "time", "until", "state", "mode", "root", "noise", "flows", "rate", 
 def _room(program: Program, constants: Array) -> dict[str, Any]:
     assert program.hybrid is not None
     conditions, count = program.hybrid.conditions, len(program.states.names)
-    n, m = count + len(program.unknowns.names), len(conditions)
-    numbers: dict[str, Any] = {"n": n, "count": count, "root_count": m}
-    numbers |= dict.fromkeys(("time", "whole", "low", "high", "found", "relative"), 0.0)
-    numbers |= dict.fromkeys(("flows", "near_count", "unsure_count", "clear_count", "suspect_count"), 0)
-    numbers["until"] = np.inf
-    arrays = {name: np.zeros(n) for name in ("magnitude", "state", "rate", "later", "slope")}
-    arrays |= {name: np.zeros(m) for name in ("root", "noise", "moved", "change", "again", "floor", "seen", "scale", "error", "variation")}  # fmt: skip
-    arrays |= {
-        name: np.zeros(m, dtype=np.int64)
-        for name in ("truth", "sought", "said", "flipping", "behind", "touching", *MASKS)
+    of_conditions = {
+        name: np.array([getattr(c, own) for c in conditions], dtype=np.int64)
+        for name, own in (("places", "position"), ("strict", "strict"), ("steers", "steers"))
     }
-    arrays |= {"values": np.zeros(PLACES * m), "form": np.zeros(PLACES * m), "grid": np.zeros((GRID + 1) * m)}
-    arrays |= {"suspects": np.zeros(PLACES + GRID + 1), "at_place": np.zeros(PLACES, dtype=np.int64)}
-    arrays |= {"at_grid": np.zeros(GRID + 1, dtype=np.int64), "dips": np.zeros((GRID + 1) * m, dtype=np.int64)}
-    bracket = dict.fromkeys(("a", "at_a", "b", "at_b", "c", "at_c", "share"), 0.0)
-    places, strict, steers = (
-        np.array([getattr(c, name) for c in conditions], dtype=np.int64) for name in ("position", "strict", "steers")
+    fields = zeros_of(
+        IndicatorWorkspace, n=count + len(program.unknowns.names), count=count, root_count=len(conditions)
     )
-    return (
-        numbers
-        | arrays
-        | {
-            "places": places,
-            "strict": strict,
-            "steers": steers,
-            "mode": np.zeros(mode_size(program, constants)),
-            "bracket": bracket,
-        }
-    )
+    more = {"until": np.inf, "mode": np.zeros(mode_size(program, constants)), "bracket": {}}
+    return fields | of_conditions | more
 
 
 def indicator_record(program: Program, inputs: Array, constants: Array, horizon: float) -> RecordArray | Plain:

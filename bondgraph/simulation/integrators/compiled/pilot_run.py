@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array, Program, zeros_of
 
 from ...segments.timeline import mode_size
 from ..linear_algebra.factorise import is_large
-from ..linear_algebra.factors import Factors, room_for
+from ..linear_algebra.factors import Factors
 from ..linear_algebra.sparse import ANEW
 from ..pilot.loop import PilotWorkspace
 from ..pilot.schedule import MOST_STEPS, Conditions, Progress, StepSchedule, unit_numbers
@@ -32,30 +32,20 @@ def keeps_factors(program: Program) -> bool:
 
 def _room(program: Program, constants: Array) -> dict[str, Any]:
     """Return the work arrays of steps, and the data of the program that they need."""
-    entries, n = len(program.pattern[0]), len(program.states.names) + len(program.unknowns.names)
-    numbers = {
-        "n": n, "differential": len(program.states.names), "entry_count": entries, "time": 0.0, "size": 0.0, "sparse": int(is_sparse(program)),
-        "slight": 0.0, "kept": 0.0, "factorised": 0, "keeping": int(keeps_factors(program)),
-    }  # fmt: skip
-    arrays = {name: np.zeros(n) for name in ("largest", "start", "x", "slope", "scale", "reached", "most")}
-    arrays |= {name: np.zeros(entries) for name in ("jacobian", "scaled")}
-    return numbers | arrays | {
-        "mode": np.zeros(mode_size(program, constants)), "smallest": np.zeros(n), "kinds": unit_numbers(program),
-        "real": room_for(Factors, 0 if is_sparse(program) else n),
+    entries, n, sparse = len(program.pattern[0]), len(program.variables.names), is_sparse(program)
+    return zeros_of(
+        Euler, n=n, differential=len(program.states.names), entry_count=entries, sparse=int(sparse), keeping=int(keeps_factors(program))
+    ) | {
+        "mode": np.zeros(mode_size(program, constants)), "kinds": unit_numbers(program), "real": zeros_of(Factors, n=0 if sparse else n),
     }  # fmt: skip
 
 
 def _room_of_loop(program: Program) -> dict[str, Any]:
     """Return the same for the loop over steps."""
-    n = len(program.states.names) + len(program.unknowns.names)
-    numbers: dict[str, Any] = dict.fromkeys((*PACE, "begun"), 0.0) | dict.fromkeys(("noted", "taken", "root_count"), 0)
-    numbers |= {
-        "most_steps": MOST_STEPS, "n": n, "guessing": 0, "loops": {}, "multiplying": 0, "closed": {}, "selection": {"slope_count": 0},
-    }  # fmt: skip
-    numbers["sparse"] = int(is_sparse(program))  # Python reads it to choose its version of the source
     count = 0 if program.hybrid is None else len(program.hybrid.conditions)
-    roots = {"root": np.zeros(count)} | {name: np.zeros(count, dtype=np.int64) for name in ("root_said", "root_strict")}
-    return numbers | roots | {name: np.zeros(n) for name in ("found", "most", "modes")}
+    fields = zeros_of(PilotWorkspace, n=len(program.variables.names), conditions=count, most_steps=MOST_STEPS)
+    # Python reads `sparse` to choose its version of the source
+    return fields | {"loops": {}, "closed": {}, "selection": {"slope_count": 0}, "sparse": int(is_sparse(program))}
 
 
 def pilot_forms(program: Program, constants: Array) -> tuple[RecordLayout, RecordLayout]:

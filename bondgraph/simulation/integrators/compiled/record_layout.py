@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import INTS, Array, Fields, Handed, Program, Record, address_of, record_of
+from compiler.api import INTS, Array, Fields, Handed, Program, address_of, record_of
 
 from .code import POINTER, WHOLE, called
 
@@ -65,9 +65,7 @@ class RecordLayout:
             elif name not in values:
                 continue
             elif isinstance(kind, Fields):
-                inner = values[name]
-                inner = vars(inner) if isinstance(inner, Record) else inner
-                words[at] = WORD * self._lay(kind.fields, inner, words, inside, arrays, f"{within}{name}.")
+                words[at] = WORD * self._lay(kind.fields, values[name], words, inside, arrays, f"{within}{name}.")
                 inside.append(at)
             elif kind in _C_TYPES:
                 number = np.array(values[name], dtype=float if kind == "double" else np.int64)

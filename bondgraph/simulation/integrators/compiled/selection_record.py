@@ -5,9 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-import numpy as np
-
-from compiler.api import Array
+from compiler.api import Array, zeros_of
 
 from ...monitors.state_selection import WORST, Choice
 from ..selection import StateSelection
@@ -18,9 +16,11 @@ from .record_layout import RecordArray, RecordBatch, form_of
 def _room(choice: Choice) -> dict[str, Any]:
     program, (rows, columns) = choice.program, choice.program.sensitivity_pattern
     count, dependents = len(program.states.names), len(program.dependents.names)
-    return {
-        "count": count, "dependent_count": dependents, "slope_count": len(rows) if choice else 0, "rows": rows, "columns": columns, "chosen": choice.chosen,
-        "slopes": np.zeros(len(rows)), "stored": np.zeros(count + dependents), "worst": WORST,
+    sizes = zeros_of(
+        StateSelection, count=count, dependent_count=dependents, slopes_room=len(rows), stored_room=count + dependents
+    )
+    return sizes | {
+        "slope_count": len(rows) if choice else 0, "rows": rows, "columns": columns, "chosen": choice.chosen, "worst": WORST,
     }  # fmt: skip
 
 

@@ -7,11 +7,8 @@ with the states: where a stiff matrix has lost the digits of slow motions, the r
 from __future__ import annotations
 
 from math import pow
-from typing import Any
 
-import numpy as np
-
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 MATRICES = 4  # number of matrices whose tables are stored
 LEVELS = 40  # most lengths of each
@@ -23,40 +20,25 @@ LEAST, MOST = 2.0**-200, 2.0**60  # bounds of the shortest length, s
 
 
 class ExponentialTables(Record):
-    """Tables for some matrices, each found by its entries. Sizes of arrays after the names."""
+    """Tables for some matrices, each found by its entries."""
 
     n: int
     entry_count: int
     used: int  # the matrix in use
     newest: int  # the one stored last
-    filled: Ints  # MATRICES: number of lengths so far
-    unit: Floats  # MATRICES: the shortest length
-    fastest: Floats  # MATRICES: bound of the rate of the fastest mode
-    entries: Floats  # MATRICES entry_count
-    matrix: Floats  # MATRICES n n
-    growth: Floats  # MATRICES LEVELS n n: exp(A h) - 1
-    once: Floats  # MATRICES LEVELS n n: integral of exp(A s) over [0, h]
-    twice: Floats  # MATRICES LEVELS n n: integral of (h - s) exp(A s)
-    drift: Floats  # n: c
+    filled: Ints = sized(MATRICES)  # number of lengths so far
+    unit: Floats = sized(MATRICES)  # the shortest length
+    fastest: Floats = sized(MATRICES)  # bound of the rate of the fastest mode
+    entries: Floats = sized(MATRICES, "entry_count")
+    matrix: Floats = sized(MATRICES, "n", "n")
+    growth: Floats = sized(MATRICES, LEVELS, "n", "n")  # exp(A h) - 1
+    once: Floats = sized(MATRICES, LEVELS, "n", "n")  # integral of exp(A s) over [0, h]
+    twice: Floats = sized(MATRICES, LEVELS, "n", "n")  # integral of (h - s) exp(A s)
+    drift: Floats = sized("n")  # c
     drifts: int  # 0 if c is zero
-    rate: Floats  # n: r
-    by_rate: Floats  # n: work space
-    by_drift: Floats  # n: the same
-
-
-def room_for_tables(n: int, entry_count: int) -> ExponentialTables:
-    """Return empty tables for matrices of n rows with so many entries."""
-    lengths = {
-        "filled": MATRICES,
-        "unit": MATRICES,
-        "fastest": MATRICES,
-        "entries": MATRICES * entry_count,
-        "matrix": MATRICES * n * n,
-    }
-    lengths |= dict.fromkeys(("growth", "once", "twice"), MATRICES * LEVELS * n * n)
-    lengths |= dict.fromkeys(("drift", "rate", "by_rate", "by_drift"), n)
-    room: dict[str, Any] = {a: np.zeros(count, np.int64 if a == "filled" else float) for a, count in lengths.items()}
-    return ExponentialTables(n=n, entry_count=entry_count, used=0, newest=0, drifts=0, **room)
+    rate: Floats = sized("n")  # r
+    by_rate: Floats = sized("n")  # work space
+    by_drift: Floats = sized("n")  # the same
 
 
 def use_matrix(t: ExponentialTables, rows: Ints, columns: Ints, entries: Floats) -> None:

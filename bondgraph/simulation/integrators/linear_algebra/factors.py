@@ -6,54 +6,37 @@ Matrices are stored row by row, real and imaginary parts in two arrays.
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any, TypeVar
 
-import numpy as np
-
-from compiler.api import Floats, Ints, Record
-
-Kind = TypeVar("Kind", bound=Record)
+from compiler.api import Floats, Ints, Record, sized
 
 
 class Factors(Record):
     """A matrix of n rows, and the list of its factors: for each pivot its row of U, then its column of L, in the row order at that time."""
 
     n: int
-    matrix: Floats  # n n
-    scale: Floats  # n: scales of the rows
-    pivots: Ints  # n: the later row with which each is exchanged
-    inverse: Floats  # n: inverses of the pivots
-    first: Ints  # 2 n + 1: starts of these rows and columns in the list
-    where: Ints  # n n: the column, or the row, of each listed item
-    item: Floats  # n n
+    matrix: Floats = sized("n", "n")
+    scale: Floats = sized("n")  # scales of the rows
+    pivots: Ints = sized("n")  # the later row with which each is exchanged
+    inverse: Floats = sized("n")  # inverses of the pivots
+    first: Ints = sized(2, "n", plus=1)  # starts of these rows and columns in the list
+    where: Ints = sized("n", "n")  # the column, or the row, of each listed item
+    item: Floats = sized("n", "n")
 
 
 class ComplexFactors(Record):
     """The same as `Factors` for complex numbers."""
 
     n: int
-    re: Floats  # n n
-    im: Floats  # n n
-    scale: Floats  # n
-    pivots: Ints  # n
-    inverse_re: Floats  # n
-    inverse_im: Floats  # n
-    first: Ints  # 2 n + 1
-    where: Ints  # n n
-    item_re: Floats  # n n
-    item_im: Floats  # n n
-
-
-def room_for(noun: type[Kind], n: int) -> Kind:
-    """Return empty factors of a matrix of n rows."""
-    lengths = {"scale": n, "inverse": n, "inverse_re": n, "inverse_im": n, "pivots": n, "first": 2 * n + 1}
-    whole = ("pivots", "first", "where")
-    arrays: dict[str, Any] = {
-        name: np.zeros(lengths.get(name, n * n), dtype=np.int64 if name in whole else float)
-        for name in noun.__annotations__
-        if name != "n"
-    }
-    return noun(n=n, **arrays)
+    re: Floats = sized("n", "n")
+    im: Floats = sized("n", "n")
+    scale: Floats = sized("n")
+    pivots: Ints = sized("n")
+    inverse_re: Floats = sized("n")
+    inverse_im: Floats = sized("n")
+    first: Ints = sized(2, "n", plus=1)
+    where: Ints = sized("n", "n")
+    item_re: Floats = sized("n", "n")
+    item_im: Floats = sized("n", "n")
 
 
 def eliminate(f: Factors) -> bool:

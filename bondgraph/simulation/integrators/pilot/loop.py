@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
 from ..loop_newton import LoopSystem, solve_loops
@@ -26,9 +26,9 @@ class PilotWorkspace(Record):
     euler: Euler
     roots: Function
     root_count: int  # 0 where conditions do not end the run
-    root: Floats  # root_count
-    root_said: Ints  # root_count: 1 where the condition holds in the mode
-    root_strict: Ints  # root_count: 1 where it does not hold at zero
+    root: Floats = sized("conditions")
+    root_said: Ints = sized("conditions")  # 1 where the condition holds in the mode
+    root_strict: Ints = sized("conditions")  # 1 where it does not hold at zero
     n: int
     state: Floats  # n
     time: float
@@ -47,9 +47,9 @@ class PilotWorkspace(Record):
     inverse_re: Floats  # n n, or none
     inverse_im: Floats  # n n, or none
     unit: Floats  # n
-    found: Floats  # n
-    most: Floats  # n: the largest of the unit after a step; then work space
-    modes: Floats  # n
+    found: Floats = sized("n")
+    most: Floats = sized("n")  # the largest of the unit after a step; then work space
+    modes: Floats = sized("n")
     guessing: int  # 1 if there are unknowns of loops
     loops: LoopSystem
     multiplying: int  # 1 if they are multipliers of loop joints, which the program computes directly

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 from ..linear_algebra.factors import Factors, back, eliminate
 from ..linear_algebra.sparse import FINE, SINGULAR, Pattern, real_back, real_factors
@@ -34,26 +34,26 @@ class Euler(Record):
     entry_count: int
     rows: Ints  # entry_count
     columns: Ints  # entry_count
-    largest: Floats  # n: largest values so far
-    smallest: Floats  # n: smaller values are rounding
+    largest: Floats = sized("n")  # largest values so far
+    smallest: Floats = sized("n")  # smaller values are rounding
     kinds: Ints  # n: index of the unit
-    most: Floats  # n: work array, the largest of each unit
+    most: Floats = sized("n")  # work array, the largest of each unit
     slight: float  # last relative change, with states at least a small fraction of their unit's largest
-    start: Floats  # n: the state at the start of the step
-    x: Floats  # n: the state at its end
+    start: Floats = sized("n")  # the state at the start of the step
+    x: Floats = sized("n")  # the state at its end
     time: float  # time of its end
     size: float
-    jacobian: Floats  # entry_count
-    scaled: Floats  # entry_count
+    jacobian: Floats = sized("entry_count")
+    scaled: Floats = sized("entry_count")
     sparse: int
     pattern: Pattern
     keeping: int  # 1 if factors of one step are reused in others
     kept: float  # step size of the sparse factors, with `scale`; 0: there are none
     factorised: int  # number of factorisations
     # work arrays
-    slope: Floats  # n
-    scale: Floats  # n
-    reached: Floats  # n
+    slope: Floats = sized("n")
+    scale: Floats = sized("n")
+    reached: Floats = sized("n")
     real: Factors
 
 
