@@ -259,7 +259,7 @@ def noise(order: int, place: float, seed: float, steps: Floats, count: int) -> f
 
 def noise_at(order: float, place: float, seed: float) -> float:
     """Value of `noise`, or a derivative of it."""
-    steps = SMOOTH_STEP[int(order)]
+    steps = [*map(float, SMOOTH_STEP[int(order)])]
     return noise(int(order), place, seed, steps, len(steps))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +30,6 @@ CLOSE = 1e-8  # fraction of the run: a zero crossing this soon after collapsed s
 MANY_EVENTS = 2000  # of a segment, from which on a sampled loop is looked at that grows
 # Least factor of a segment, and of one such factor to the next; number of segments in a row that show a growth without bound.
 GROWN, STEADY, GROWING = 1.5, 0.9, 4
-MOST_EVENTS = 10_000_000  # most events of one run
 
 
 class EventIntegrator(SegmentIntegrator):
@@ -39,9 +38,8 @@ class EventIntegrator(SegmentIntegrator):
     def __init__(self, problem: PhaseProblem, into: Trajectory | None = None) -> None:
         super().__init__(problem, into)
         assert problem.events is not None
-        self.events, self.off = problem.events, problem.off
+        self.events: Events = problem.events
         self.switched = False  # True if other junctions are off now
-        self.most_events = MOST_EVENTS
         # segments in a row in which the states have grown as powers do, the last factor, and their largest size in magnitudes
         self.growing, self.factor, self.size = 0, 0.0, np.inf
         self.has_conditions = len(self.events.places) > 0
@@ -100,11 +98,6 @@ class EventIntegrator(SegmentIntegrator):
         self.mode = now.mode
         return now.state, now.mode
 
-    @property
-    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
-        """Return the number of events so far, and the truth of the events' conditions."""
-        return len(self.events.log), dict(self.events.on)
-
     def _happen(self, at: HybridState, flipped: BoolArray | None) -> HybridState:
         events, powers = self.events, self.powers
         now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
@@ -141,11 +134,6 @@ class EventIntegrator(SegmentIntegrator):
         return replace(
             handover, modes=discrete_variables(events.hybrid, self.mode), on=dict(events.on), units=events.units
         )
-
-    def grow(self, x: Array) -> None:
-        """Update the largest magnitudes."""
-        peak = self.result.peak
-        self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
 
     def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
         """Return True if a condition crosses zero so soon that no step can resolve it: a law ends there (`sqrt(x) if x > 0`)."""
@@ -187,16 +175,6 @@ class EventIntegrator(SegmentIntegrator):
         self.piece, count, self.events.on = mark
         del self.result.pieces[count:]
         self.flip = None
-
-    @property
-    def passable_events(self) -> Events:
-        """Events of the run."""
-        return self.events
-
-    @property
-    def floor(self) -> Any:
-        """Rounding errors of the roots of conditions."""
-        return self.events.floor
 
     def follow(self, start: float, stop: float, stretch: Segment, state_at: StateAt, within: CompiledMethod | None = None) -> Segment:  # fmt: skip
         """Find the first event of a step, which ends it.

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 MOST_KNOWN = 64  # most modes whose signals are cached
+MOST_EVENTS = 10_000_000  # most events of one run
 
 
 class ModeTruncation(Protocol):
@@ -99,9 +100,10 @@ class IntegrationState:
         program, constants, instants = problem.program, problem.constants, problem.instants
         self.watch, self.constraints, self.extremes = problem.watch, problem.constraints, problem.extremes
         self.choice, self.leaving, self.solver = problem.choice, problem.leaving, problem.solver
-        self.unique = problem.unique
+        self.unique, self.events, self.off = problem.unique, problem.events, problem.off
         self.linear = problem.is_exact  # True if the matrix exponential is tried
-        self.steps, self.most_steps = 0, MOST_STEPS  # steps in all segments
+        self.steps, self.most_steps, self.most_events = 0, MOST_STEPS, MOST_EVENTS  # in all segments
+        self.piece = Segment(-np.inf, -np.inf, None)  # the segment from the last event on
         self.mode: Any = None  # mode at the end of the last segment
         self.history = problem.history  # of delayed signals
         self.followed = (-np.inf, -np.inf)  # the step that is examined
@@ -202,26 +204,16 @@ class IntegrationState:
     ) -> None:
         """Store a checkpoint after a step that was accepted and that all monitors have checked."""
         result, history = self.result, self.history
-        count, on = self.happened
+        events, on = ((), {}) if self.events is None else (self.events.log, dict(self.events.on))
         result.kept = Kept(
             time, x, mode, begun, self.position if position is None else position, len(result.pieces), len(result.jumps),
-            count, 0 if history is None else len(history.starts), result.work if work is None else work, on,
+            len(events), 0 if history is None else len(history.starts), result.work if work is None else work, on,
         )  # fmt: skip
-
-    @property
-    def happened(self) -> tuple[int, Mapping[tuple[str, int], bool]]:
-        """Return the number of events so far, and the truth of the events' conditions."""
-        return 0, {}
-
-    @property
-    def passable_events(self) -> Events | None:
-        """Return the events of a run that machine code may pass; None if there are none."""
-        return None
 
     @property
     def floor(self) -> Any:
         """Rounding errors of the roots of conditions; None if there are none."""
-        return None
+        return None if self.events is None else self.events.floor
 
     def held(self, time: float, x: Array, mode: Array) -> Any:
         """Return a state projected on its invariants, with the unknowns that belong to it."""
@@ -279,7 +271,10 @@ class IntegrationState:
         return failure(self.context, solver, what, mode, self.solver == "explicit", most)
 
     def grow(self, x: Array) -> None:
-        """Update the largest magnitudes; only for integrators with events."""
+        """Update the largest magnitudes, which only a run with events reads."""
+        if self.events is not None:
+            peak = self.result.peak
+            self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
 
     def check_runaway(self, time: float, x: Array) -> None:
         """Raise `RunFailed` if a sampled loop grows without bound; only integrators with events do."""

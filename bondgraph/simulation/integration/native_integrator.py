@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ LARGEST_SPARE = 64  # most states of a workspace that is left to the next run
 if TYPE_CHECKING:
     from ..segments.trajectory import Tolerances
     from .integration_state import IntegrationState
-    from .passed_events import EventRun, PassedEvents
+    from .passed_events import PassedEvents
 
 
 def target_of(stepper: IntegrationState) -> str:
@@ -125,11 +125,11 @@ class NativeIntegrator:
         solver.begin()
         if self.key is not None:
             solver.save()
-        if solver.native and method in CHOSEN and stepper.passable_events is not None:
+        if solver.native and method in CHOSEN and stepper.events is not None:
             from .passed_events import PassedEvents, is_passable
 
             if is_passable(stepper):
-                self.events = PassedEvents(cast("EventRun", stepper), solver)
+                self.events = PassedEvents(stepper, solver)
                 self.events.begin(stretch.mode, method)
 
     def release(self) -> None:
@@ -192,7 +192,7 @@ class NativeIntegrator:
         most = MOST_COMPILED if native else MOST_STEPS
         if stepper.most_steps < MOST_STEPS:
             most = stepper.most_steps - stepper.steps
-        passed, events = self.events, stepper.passable_events
+        passed, events = self.events, stepper.events
         soon = most if events is None or not len(events.sampled) else min(most, self.solver.steps + MANY)
         if passed is not None:
             passed.hand_over()

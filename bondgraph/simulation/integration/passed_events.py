@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import compress
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,37 +17,10 @@ from ..monitors import step_size_diagnosis
 from ..segments.timeline import Segment, mode_size
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from ..integrators.compiled.run import CompiledMethod
-    from ..segments.trajectory import Trajectory
     from .integration_state import IntegrationState
 
 TOTALS = {"derivative": "derivatives", "jacobian": "jacobians", "factorisation": "factorisations"}
-
-
-class EventRun(Protocol):
-    """Integration from event to event, seen from the events that machine code passes."""
-
-    program: Program
-    events: Events
-    result: Trajectory
-    solver: str
-    off: tuple[str, ...]
-    most_events: int
-    piece: Segment
-    mode: Any
-    steps: int
-    position: int
-
-    def count(self, evaluations: Mapping[str, int]) -> None:
-        """Count evaluations."""
-
-    def grow(self, x: Any) -> None:
-        """Update the largest magnitudes."""
-
-    def keep(self, time: float, x: Any, mode: Any, begun: float) -> None:
-        """Store a checkpoint."""
 
 
 def _room(program: Program, events: Events) -> dict[str, Any]:
@@ -66,7 +39,7 @@ def _room(program: Program, events: Events) -> dict[str, Any]:
 
 def is_passable(stepper: IntegrationState) -> bool:
     """Return True if machine code may pass the usual events of a run: nothing but states, modes and conditions changes at them, and nobody looks on."""
-    program, events = stepper.program, stepper.passable_events
+    program, events = stepper.program, stepper.events
     if events is None or program.native is None or not len(events.places):
         return False
     hybrid = events.hybrid
@@ -78,7 +51,7 @@ def is_passable(stepper: IntegrationState) -> bool:
     return not (looks_on or ties or special or computed) and len(set(events.keys)) == len(events.keys)
 
 
-def _method_in_any_mode(stepper: EventRun) -> int:
+def _method_in_any_mode(stepper: IntegrationState) -> int:
     """Return the method that goes on in a mode that has not been examined, if no mode would be; else -1."""
     if stepper.solver != AUTOMATIC:
         return -1 if SOLVERS[stepper.solver].exact else METHODS.index(SOLVERS[stepper.solver])
@@ -92,9 +65,10 @@ def _marked(row: list[int]) -> tuple[int, ...]:
 class PassedEvents:
     """Record of the events of a run that machine code passes, beside the solver."""
 
-    def __init__(self, stepper: EventRun, solver: CompiledMethod) -> None:
+    def __init__(self, stepper: IntegrationState, solver: CompiledMethod) -> None:
         program, events = stepper.program, stepper.events
-        self.stepper, self.solver = stepper, solver
+        assert events is not None
+        self.stepper, self.events, self.solver = stepper, events, solver
         fields = {
             "solver": solver.values, "conditions": events.record, "many": step_size_diagnosis.MANY, "automatic": int(stepper.solver == AUTOMATIC),
         }  # fmt: skip
@@ -117,7 +91,7 @@ class PassedEvents:
 
     def hand_over(self) -> None:
         """Put what Python knows of the events into the record."""
-        events, record, values = self.stepper.events, self.record, self.values
+        events, record, values = self.events, self.record, self.values
         values["on"][:] = [events.on.get(key, False) for key in events.keys]
         values["left"][:] = [events.left.get(key, 0) for key in events.keys]
         record.recent = events.log[-1].time if events.log else -np.inf
@@ -130,7 +104,7 @@ class PassedEvents:
 
     def take_over(self) -> Segment:
         """Tell the integrator what has happened since `hand_over`; return its present segment."""
-        stepper, events, record, values = self.stepper, self.stepper.events, self.record, self.values
+        stepper, events, record, values = self.stepper, self.events, self.record, self.values
         events.last, events.spacing = None, record.spacing  # the record of the conditions has been used
         self.solver.forget_mode()
         if not record.logged:
@@ -161,7 +135,7 @@ class PassedEvents:
     def _count_passed(self) -> None:
         """Count the steps of segments that have ended, and keep a checkpoint at the start of the last one."""
         stepper, record, values = self.stepper, self.record, self.values
-        stepper.events.floor = self.solver.values["root_floor"].copy()
+        self.events.floor = self.solver.values["root_floor"].copy()
         stepper.steps += record.steps
         stepper.result.steps += record.steps
         stepper.count({kind: getattr(record, name) for kind, name in TOTALS.items()})
