@@ -12,7 +12,7 @@ from compiler.api import Array, IntArray
 from ..simulation.constraints.constraints import Constraints
 from ..simulation.integration.method import TRIAL, UNCLEAR, after_trial, clear_method, scaled_entries, spectrum
 from ..simulation.integrators.compiled.code import link_step
-from ..simulation.integrators.compiled.fields import FORGOTTEN, fields_at, given_at, room_of
+from ..simulation.integrators.compiled.fields import fields_at, given_at, room_of
 from ..simulation.integrators.compiled.record_layout import RecordBatch, form_of
 from ..simulation.integrators.compiled.run import order_of
 from ..simulation.integrators.compiled.selection_record import selection_batch
@@ -164,12 +164,10 @@ class BatchIntegrator:
     def _go_on(self, stretch: Segment, x: Array, signals: Signals, methods: IntArray) -> None:
         """Let all solvers go on with another segment, as `CompiledMethod.begin_at` does."""
         for rows, solver in self.solvers:
-            scaled = x[rows] / solver["magnitude"]
-            solver["state"][:], solver["absolute"][:], solver["greatest"][:] = scaled, solver["resting"], 0.0
-            solver["peak"][:], solver["error"][:] = np.maximum(np.abs(scaled), 1.0), 0.0
-            fields = fields_at(stretch, signals, 0, 0) | FORGOTTEN
+            solver["si"][:] = x[rows]
+            fields = fields_at(stretch, signals, 0, 0)
             solver.put(fields | {"mode": stretch.mode, "method": methods[rows], "automatic": methods[rows] == EXPLICIT})
-            solver.call("begin", np.flatnonzero(self.sound[rows]))
+            solver.call("begin_segment", np.flatnonzero(self.sound[rows]))
 
     def _stepped(self, rows: IntArray, solver: RecordBatch) -> Any:
         """Step runs to the end of the segment; return their states there."""
@@ -200,8 +198,6 @@ class BatchIntegrator:
     def _go_on_with_radau(self, solver: RecordBatch, rows: IntArray, stiff: IntArray) -> None:
         """Let Radau go on where only stability limits the steps, in this segment and all others."""
         solver["method"][stiff], solver["automatic"][stiff] = RADAU, 0
-        for name in FORGOTTEN:
-            solver[name][stiff] = 0
         solver.call("begin", stiff)
         self.settled[rows[stiff]] = RADAU
         for row in rows[stiff]:

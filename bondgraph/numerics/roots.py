@@ -6,11 +6,15 @@ A step of the search is in the subset that becomes machine code.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
-from compiler.api import Record
+import numpy as np
+
+from compiler.api import Array, Record
 
 MOST = 200  # evaluations; bisection alone needs about a hundred for any two doubles
 
+Function = Callable[[Any], Any]
 Place = tuple[float, float]  # a place and the value there
 
 
@@ -81,3 +85,33 @@ def crossing(function: Callable[[float], float], low: float, high: float, tolera
         if closes_at(k, place, function(place), tolerance):
             break
     return k.a if abs(k.at_a) < abs(k.at_b) else k.b
+
+
+def zeros_between(
+    function: Function, low: Array, high: Array, at_low: Array, at_high: Array, least: Function
+) -> tuple[Any, Any, Any, Any]:
+    """Return the last two places, and the values there, of a search between each two places of different sign: for many functions at once.
+
+    `function`: places (k,) -> values (k,); `least`: the better of two places (k,) -> width at which a search ends (k,).
+    """
+    b, a, at_b, at_a = low, high, at_low, at_high
+    c, at_c, share = a, at_a, np.full(len(low), 0.5)
+    going = np.ones(len(low), dtype=bool)
+    for _ in range(MOST):
+        if not going.any():
+            break
+        place = a + share * (b - a)
+        value = function(place)
+        same = (value > 0) == (at_a > 0)
+        c, at_c = np.where(going, np.where(same, a, b), c), np.where(going, np.where(same, at_a, at_b), at_c)
+        b, at_b = np.where(going & ~same, a, b), np.where(going & ~same, at_a, at_b)
+        a, at_a = np.where(going, place, a), np.where(going, value, at_a)
+        part = np.where(b != a, least(np.where(np.abs(at_a) < np.abs(at_b), a, b)) / np.abs(b - a), 1.0)
+        going &= (part <= 0.5) & (at_a != 0) & (at_b != 0)
+        xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
+        safe = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
+        inverse = at_a / (at_b - at_a) * at_c / (at_b - at_c) + (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (
+            at_c - at_b
+        )
+        share = np.clip(np.where(safe & np.isfinite(inverse), inverse, 0.5), part, 1 - part)
+    return a, b, at_a, at_b

@@ -6,11 +6,9 @@ from math import isfinite, ulp
 
 from compiler.api import Bytes, Floats
 
-from ...simulation.integrators.compiled.advance import advance, begin
-from ...simulation.integrators.dop853 import LOOK_AGAIN
+from ...simulation.integrators.compiled.advance import advance, begin, begin_segment
 from ...simulation.integrators.methods import EXPLICIT, RADAU
 from ...simulation.integrators.outcomes import FINISHED, FLIP, LOOK, MORE, STIFF
-from ...simulation.integrators.workspace import IntegratorWorkspace
 from .conditions import said
 from .events import CUT, UNSURE, cut_at_event, instant
 from .instance import (
@@ -163,7 +161,6 @@ def make_steps(s: FmuInstance) -> int:
             s.own_method = RADAU
             w.method = RADAU
             w.automatic = 0
-            forget_steps(w)
             begin(w)
         elif answer == FLIP:
             event = cut_at_event(s)
@@ -199,39 +196,15 @@ def start_steps(s: FmuInstance, until: float) -> None:
             w.longest = min(w.longest, abs(s.periods[k]))
     w.usual = w.longest
     for i in range(w.n):
-        w.state[i] = s.state[i] / w.magnitude[i]
-        w.absolute[i] = w.resting[i]
-        w.greatest[i] = 0.0
-        w.error[i] = 0.0
-        w.peak[i] = max(abs(w.state[i]), 1.0)
+        w.si[i] = s.state[i]
     w.time = s.time
     w.stop = until
     w.until = until
     w.method = s.own_method
     w.automatic = 1 if s.own_method == EXPLICIT else 0
-    w.fastest = 0.0
-    w.since_looked = LOOK_AGAIN
-    w.held_by_stability = 0
-    w.free_steps = 0
-    w.negative = 0
     for j in range(w.root_count):
         w.root_said[j] = said(s, j)
-    forget_steps(w)
     w.end_time[0] = s.time
     if w.n > 0:
-        begin(w)
+        begin_segment(w)
     s.broken = 0
-
-
-def forget_steps(w: IntegratorWorkspace) -> None:
-    """Discard the data that steps share with each other."""
-    w.ends = 0
-    w.known = 0
-    w.current = 0
-    w.factorised = 0
-    w.first_sloped = 0
-    w.node_count = 0
-    w.pending = 0
-    w.last_size = 0.0
-    w.last_error = 0.0
-    w.contraction = 0.0

@@ -18,6 +18,8 @@ import numpy as np
 
 from compiler.api import Array
 
+from ...numerics.roots import zeros_between
+
 RESISTANCES = (1e3, 1.0, 1e6, 1e-3)  # tried one after the other as the reference resistance, in SI units
 LARGEST = 400  # unknowns
 ITERATIONS = 150
@@ -30,7 +32,7 @@ BEGIN = 1e-6  # first value of all unknowns: laws may have no derivative at zero
 PROBES = (1e-2, 1.0, 1e2, 1e4)  # arguments at which the sense of a law is determined
 # arguments at which derivatives are sampled
 SAMPLES = tuple(s * 10.0**e for e in np.arange(-6, 4.5, 0.5).tolist() for s in (-1.0, 1.0))
-DOUBLINGS, BISECTIONS = 120, 120
+DOUBLINGS = 120
 MOST = 1e150  # largest residual in the search for an argument
 
 # row, indices of argument and value among the unknowns; True if the argument is an effort
@@ -234,7 +236,10 @@ def _arguments(law: Function, waves: Array, per_value: Array, near: Array) -> An
     for _ in range(DOUBLINGS):
         below, above = np.isinf(low), np.isinf(high)
         if not (below | above).any():
-            return _narrowed(beyond, low, high, at_low, at_high)
+            a, b, at_a, at_b = zeros_between(
+                beyond, low, high, at_low, at_high, lambda best: 2e-16 * np.abs(best) + 1e-300
+            )
+            return np.where((at_a == 0) | (np.abs(at_a) < np.abs(at_b)), a, b)
         middle = np.where(below, high - reach, np.where(above, low + reach, low))
         value = beyond(middle)
         down, up = (below | above) & (value < 0), (below | above) & (value >= 0)
@@ -242,32 +247,3 @@ def _arguments(law: Function, waves: Array, per_value: Array, near: Array) -> An
         high, at_high = np.where(up, middle, high), np.where(up, value, at_high)
         reach = reach * 8
     return np.where(np.isinf(low), high, low)
-
-
-def _narrowed(beyond: Function, low: Array, high: Array, at_low: Array, at_high: Array) -> Any:
-    """Return the zeros of rising functions between places of different sign, by inverse quadratic interpolation where it helps, else bisection.
-
-    Method of Chandrupatla, Advances in Engineering Software 28, 1997.
-    """
-    a, b, at_a, at_b = high, low, at_high, at_low
-    c, at_c, share = a, at_a, np.full(len(low), 0.5)
-    for _ in range(BISECTIONS):
-        place = a + share * (b - a)
-        value = beyond(place)
-        same = np.sign(value) == np.sign(at_a)
-        c, at_c = np.where(same, a, b), np.where(same, at_a, at_b)
-        b, at_b = np.where(same, b, a), np.where(same, at_b, at_a)
-        a, at_a = place, value
-        best = np.where(np.abs(at_a) < np.abs(at_b), a, b)
-        width = np.abs(b - a)
-        least = 2e-16 * np.abs(best) + 1e-300
-        if ((width <= 2 * least) | (at_a == 0)).all():
-            return np.where(at_a == 0, a, best)
-        xi, phi = (a - b) / (c - b), (at_a - at_b) / (at_c - at_b)
-        quadratic = at_a / (at_b - at_a) * at_c / (at_b - at_c) + (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (
-            at_c - at_b
-        )
-        serves = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi) & np.isfinite(quadratic)
-        edge = np.minimum(0.5, least / np.where(width > 0, width, 1.0))
-        share = np.clip(np.where(serves, quadratic, 0.5), edge, 1 - edge)
-    return np.where(np.abs(at_a) < np.abs(at_b), a, b)

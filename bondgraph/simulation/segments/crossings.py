@@ -15,6 +15,8 @@ import numpy as np
 
 from compiler.api import Array, IntArray, Ranges
 
+from ...numerics.roots import zeros_between
+
 MOST_BOXES = 3_000_000  # boxes at once; with more, the search is given up (`Undecided`)
 MOST_CROSSINGS = 1_000_000  # crossings of one function
 ROUNDING = 4  # times the rounding error of a value: smaller values count as zero
@@ -241,29 +243,8 @@ def _halved(signs: Signs, here: Array, there: Array, stretch: IntArray, sign: Ar
 
 
 def _zeros(function: OneFunction, low: Array, high: Array, stretch: IntArray) -> tuple[Any, Any]:
-    """Return a zero between each two instants with different signs, and a mask of those that are exact.
-
-    Method of Chandrupatla, Advances in Engineering Software 28, 1997.
-    """
-    b, a = low, high
-    fb, fa = function.values(b, stretch), function.values(a, stretch)
-    c, fc, share = a, fa, np.full(len(low), 0.5)
+    """Return a zero between each two instants with different signs, and a mask of those that are exact."""
     least = np.spacing(np.maximum(np.abs(low), np.abs(high)))
-    going = np.ones(len(low), dtype=bool)
-    for _ in range(ITERATIONS):
-        if not going.any():
-            break
-        x = a + share * (b - a)
-        fx = function.values(x, stretch)
-        same = (fx > 0) == (fa > 0)
-        c, fc = np.where(going, np.where(same, a, b), c), np.where(going, np.where(same, fa, fb), fc)
-        b, fb = np.where(going & ~same, a, b), np.where(going & ~same, fa, fb)
-        a, fa = np.where(going, x, a), np.where(going, fx, fa)
-        part = np.where(b != a, least / np.abs(b - a), 1.0)
-        going &= (part <= 0.5) & (fa != 0) & (fb != 0)
-        xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-        safe = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
-        inverse = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-        share = np.clip(np.where(safe & np.isfinite(inverse), inverse, 0.5), part, 1 - part)
-    nearer = np.abs(fa) < np.abs(fb)
-    return np.where(nearer, a, b), (fa == 0) | (fb == 0)
+    ends = (function.values(times, stretch) for times in (low, high))
+    a, b, at_a, at_b = zeros_between(lambda times: function.values(times, stretch), low, high, *ends, lambda _: least)
+    return np.where(np.abs(at_a) < np.abs(at_b), a, b), (at_a == 0) | (at_b == 0)

@@ -104,11 +104,7 @@ def begin_behind(e: EventWorkspace) -> None:
             s.reported[s.position * s.n + i] = k.state[i]
         s.position += 1
     for i in range(s.n):
-        s.state[i] = k.state[i] / s.magnitude[i]
-        s.absolute[i] = s.resting[i]
-        s.peak[i] = max(abs(s.state[i]), 1.0)
-        s.greatest[i] = 0.0
-        s.error[i] = 0.0
+        s.si[i] = k.state[i]
         e.begun_state[i] = k.state[i]
     for i in range(e.mode_size):
         s.mode[i] = k.mode[i]
@@ -118,12 +114,12 @@ def begin_behind(e: EventWorkspace) -> None:
     e.passed += 1
     e.begun = k.time
     e.begun_position = s.position
-    forget_all(s, k.time)
-    begin(s)
+    put_start(s, k.time)
+    begin_segment(s)
 
 
-def forget_all(s: IntegratorWorkspace, start: float) -> None:
-    """Put the fields of a new segment, up to the same end: see `compiled/fields.py`."""
+def put_start(s: IntegratorWorkspace, start: float) -> None:
+    """Put the start of a new segment, up to the same end: see `compiled/fields.py`."""
     s.time = start
     s.until = s.stop
     margin = MARGIN * ulp(max(abs(start), abs(s.stop)))
@@ -133,6 +129,22 @@ def forget_all(s: IntegratorWorkspace, start: float) -> None:
         s.node_next -= 1
     while s.node_next < s.signal_nodes and s.node_time[s.node_next] < start:
         s.node_next += 1
+
+
+def one_step(s: IntegratorWorkspace) -> int:
+    """Make one accepted step of the method; return 0, or the reason why there is none."""
+    failed: int = STEPS[s.method](s)
+    return failed
+
+
+def begin_segment(s: IntegratorWorkspace) -> None:
+    """Begin a segment with the state that is in `si`, as a new solver would."""
+    for i in range(s.n):
+        s.state[i] = s.si[i] / s.magnitude[i]
+        s.absolute[i] = s.resting[i]
+        s.peak[i] = max(abs(s.state[i]), 1.0)
+        s.greatest[i] = 0.0
+        s.error[i] = 0.0
     s.fastest = 0.0
     s.since_looked = LOOK_AGAIN
     s.held_by_stability = 0
@@ -143,7 +155,11 @@ def forget_all(s: IntegratorWorkspace, start: float) -> None:
     s.jacobians = 0
     s.factorisations = 0
     s.negative = 0
-    s.ends = 0
+    begin(s)
+
+
+def begin(s: IntegratorWorkspace) -> None:
+    """Discard what steps share with each other; compute the first rates, and the first step size if the method has an error estimate."""
     s.known = 0
     s.current = 0
     s.factorised = 0
@@ -153,16 +169,6 @@ def forget_all(s: IntegratorWorkspace, start: float) -> None:
     s.last_size = 0.0
     s.last_error = 0.0
     s.contraction = 0.0
-
-
-def one_step(s: IntegratorWorkspace) -> int:
-    """Make one accepted step of the method; return 0, or the reason why there is none."""
-    failed: int = STEPS[s.method](s)
-    return failed
-
-
-def begin(s: IntegratorWorkspace) -> None:
-    """Compute the first rates, and the first step size if the method has an error estimate."""
     rates(s, s.time, s.state, s.rate)
     begin_watch(s)
     if CONSERVING[s.method] != 0:

@@ -18,13 +18,8 @@ from ..methods import METHODS
 from ..tolerances import FIRST, allowed_estimate, creeping_tolerance, newton_tolerance, stagnation_tolerance
 from ..workspace import IntegratorWorkspace
 
-COUNTS = "steps", "rejected", "derivatives", "jacobians", "factorisations", "negative"
-# Fields of a new solver: of the search for the fastest mode, and of what steps share with each other.
+# Fields of the search for the fastest mode, as they begin.
 UNMEASURED = {"fastest": 0.0, "since_looked": dop853.LOOK_AGAIN, "held_by_stability": 0, "free_steps": 0}
-FORGOTTEN = dict.fromkeys(
-    ("ends", "known", "current", "factorised", "first_sloped", "node_count", "pending", "last_size", "last_error", "contraction"), 0
-)  # fmt: skip
-BEGUN = UNMEASURED | dict.fromkeys(COUNTS, 0)  # of a new segment
 LARGEST_DENSE = 1000  # states; beyond, even a full matrix is factorised with a sparse ordering
 
 
@@ -94,9 +89,9 @@ def room_of(program: Program, method: int, signals: int, bends: int, peaks: int)
 
 
 def fields_at(stretch: Segment, signals: Signals, method: int, automatic: int) -> dict[str, Any]:
-    """Return the numbers with which a `IntegratorWorkspace` goes on at the start of another segment; `FORGOTTEN` are the others."""
+    """Return the numbers with which a `IntegratorWorkspace` goes on at the start of another segment."""
     earliest, latest = inside(stretch)
-    return signal_fields(signals, stretch.start) | BEGUN | {
+    return signal_fields(signals, stretch.start) | {
         "time": stretch.start, "stop": float(stretch.stop), "until": float(stretch.stop), "earliest": earliest, "latest": latest,
         "method": method, "automatic": automatic,
     }  # fmt: skip

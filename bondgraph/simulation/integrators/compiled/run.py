@@ -24,7 +24,7 @@ from ..outcomes import ABSENT, FAILURES, LOOK, MORE, NEWTON, ORDER
 from ..radau import StepFailed
 from ..workspace import IntegratorWorkspace
 from .code import POINTER, WHOLE, called, link_step
-from .fields import FORGOTTEN, UNMEASURED, fields_at, given_at, is_sparse, room_of
+from .fields import UNMEASURED, fields_at, given_at, is_sparse, room_of
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
 from .plain import Unordered, record_for
 from .record_layout import RecordArray, form_of
@@ -198,14 +198,10 @@ class CompiledMethod:
 
     def begin_at(self, stretch: Segment, state: Array, signals: Signals, method: int, automatic: int) -> None:
         """Go on with another segment, or after an event, as a new solver would."""
-        values = self.values
-        scaled = state / values["magnitude"]
-        values["state"][:], values["absolute"][:], values["greatest"][:] = scaled, values["resting"], 0.0
-        values["peak"][:] = np.maximum(np.abs(scaled), 1.0)
         self.put_mode(stretch.mode)
-        values.put(fields_at(stretch, signals, method, automatic))
-        values["error"][:] = 0.0
-        self._forget()
+        self.values["si"][:] = state
+        self.values.put(fields_at(stretch, signals, method, automatic))
+        self.values.call("begin_segment")
 
     def doubt(self, floor: Array | None) -> None:
         """Set the level below which roots of conditions are rounding."""
@@ -230,7 +226,7 @@ class CompiledMethod:
         record, values = self._record, self.values
         values["state"][:], values["absolute"][:] = state / values["magnitude"], values["resting"]
         record.time = time
-        self._forget()
+        values.call("begin")
         record.size = min(size, record.stop - time)
 
     def repeat(self, size: float) -> None:
@@ -240,17 +236,12 @@ class CompiledMethod:
         record.time = float(values["end_time"][before])
         values["state"][:] = values["end_state"][before * n : (before + 1) * n]
         values.put(UNMEASURED)
-        self._forget()
+        values.call("begin")
         record.size = size
 
     def go_on_with(self, method: int) -> None:
         """Let another method go on from here."""
         self._record.method, self._record.automatic = method, 0
-        self._forget()
-
-    def _forget(self) -> None:
-        """Discard the data that steps share with each other."""
-        self.values.put(FORGOTTEN)
         self.values.call("begin")
 
     def went_on(self, position: int, work: Array | None, traffic: float) -> Any:

@@ -18,14 +18,14 @@ from ..methods import EXPLICIT, EXPONENTIAL, SHARED
 from ..pilot.loop import coarse, last_step
 from ..pilot.step import euler
 from ..projection.projection import least_singular_values, project_all, rates_projected
-from .advance import STEPS, advance, advance_through, begin
+from .advance import STEPS, advance, advance_through, begin, begin_segment
 
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        begin, advance, advance_through, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt, look_ahead, decide, keep,
-        reread, survey, narrow, least_singular_values, project_all, rates_projected, balance, real_factors, least_degree, plan_eliminations, put_rows,
-        holds, measured_loops, solve_rows,
+        begin, begin_segment, advance, advance_through, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt,
+        look_ahead, decide, keep, reread, survey, narrow, least_singular_values, project_all, rates_projected, balance, real_factors, least_degree,
+        plan_eliminations, put_rows, holds, measured_loops, solve_rows,
     )
 }  # fmt: skip
 SOURCES |= {step.__name__: step for step in STEPS}
