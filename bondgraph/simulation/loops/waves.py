@@ -66,20 +66,19 @@ class OpenedLoops:
 
     def law(self, arguments: Array) -> Any:
         """Return the values v = g(a) of all laws, shape (laws,)."""
-        result = np.empty(len(arguments))
-        for group in self.rounds:
-            z = np.zeros(self.size)
-            z[self.arguments[group]] = arguments[group]
-            result[group] = (z[self.values] - self.residual(z)[self.rows] / self.factors)[group]
-        return result
+        return self._in_rounds(arguments, lambda z: z[self.values] - self.residual(z)[self.rows] / self.factors)
 
     def slopes(self, arguments: Array) -> Any:
         """Return the derivatives g'(a), shape (laws,)."""
+        return self._in_rounds(arguments, lambda z: -self.matrix(z)[self.rows, self.arguments] / self.factors)
+
+    def _in_rounds(self, arguments: Array, function: Function) -> Any:
+        """Return the values (laws,) of a function of the unknowns, each with the argument of its law."""
         result = np.empty(len(arguments))
         for group in self.rounds:
             z = np.zeros(self.size)
             z[self.arguments[group]] = arguments[group]
-            result[group] = (-self.matrix(z)[self.rows, self.arguments] / self.factors)[group]
+            result[group] = function(z)[group]
         return result
 
     @cached_property

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray, Record
+from compiler.api import Array, IntArray, Record, zeros_of
 
 from ..linear_algebra.eliminations import Eliminations, plan_eliminations, put_rows
 from ..linear_algebra.least_degree import Quotient, least_degree
@@ -74,20 +74,14 @@ def _distinct(numbers: IntArray) -> Any:
 def _least_degree(start: IntArray, neighbours: IntArray, compiled: bool) -> Any:
     """Return the nodes in an order with little fill."""
     count, room = len(start) - 1, len(neighbours) + len(start)
-    names = ("joined", "weight", "degree", "after", "before", "seen", "member", "last", "order")
-    given: dict[str, Any] = {name: np.zeros(count, dtype=np.int64) for name in names}
-    given |= {name: np.zeros(count + 1, dtype=np.int64) for name in ("first", "bucket")}
-    given |= {name: np.zeros(room, dtype=np.int64) for name in ("lists", "spare")}
+    given = zeros_of(Quotient, n=count, room=room, free=len(neighbours))
     given["lists"][: len(neighbours)] = neighbours
-    given |= {"start": start[:-1].copy(), "length": np.diff(start), "n": count, "free": len(neighbours), "room": room}
-    _work(least_degree, Quotient, given | dict.fromkeys(("left", "at", "least", "mark"), 0), compiled)
+    _work(least_degree, Quotient, given | {"start": start[:-1].copy(), "length": np.diff(start)}, compiled)
     return given["order"]
 
 
 def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled: bool) -> EliminationPattern:
-    names = ("place", "above", "reached", "child", "sibling", "stack", "count", "number", "wide")
-    given: dict[str, Any] = {name: np.zeros(len(order), dtype=np.int64) for name in names}
-    given |= {"n": len(order), "start": start, "neighbours": neighbours, "order": order}
+    given = zeros_of(Eliminations, n=len(order)) | {"start": start, "neighbours": neighbours, "order": order}
     given |= dict.fromkeys(("lower", "upper"), np.zeros(0, dtype=np.int64))
     _work(plan_eliminations, Eliminations, given, compiled)
     starts = {name: np.concatenate([[0], np.cumsum(given[name])]) for name in ("count", "number")}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from compiler.api import Array, Program, address_of, record_of
+from compiler.api import Array, Program, address_of, record_of, zeros_of
 
 from ...monitors.state_selection import Choice
 from ...segments.timeline import Segment, Signals
@@ -71,9 +71,7 @@ class Ordered:
         self.pattern = (*program.pattern, len(program.states.names), n)
 
         def values() -> dict[str, Any]:
-            room = ("diagonal", "scale", "diagonal_re", "diagonal_im", "scale_complex", "x", "xi", "y", "yi")
-            nothing: dict[str, Any] = {name: np.zeros(0) for name in record_of(Pattern).fields if name != "small"}
-            return nothing | {"n": n, "ready": 0, "tolerant": 0} | {name: np.zeros(n) for name in room}
+            return {name: np.zeros(0) for name in record_of(Pattern).fields} | zeros_of(Pattern, n=n)
 
         self._kept, self._small = program.kept, small
         self.values = RecordArray(form_of(Pattern, program, "", values), {"small": small})

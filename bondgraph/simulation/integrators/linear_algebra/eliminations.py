@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from compiler.api import Ints, Record
+from compiler.api import Ints, Record, sized
 
 NOBODY = -1
 
@@ -14,17 +14,17 @@ class Eliminations(Record):
     start: Ints  # n + 1: of the neighbours of each node
     neighbours: Ints
     order: Ints  # n: nodes as they are eliminated
-    place: Ints  # n: where each node comes in that
-    above: Ints  # n: pivots
-    reached: Ints  # n
-    child: Ints  # n: the first one below
-    sibling: Ints  # n
-    stack: Ints  # n
-    count: Ints  # n: rows of each column of L, without its diagonal
-    number: Ints  # n: those of each column of U
+    place: Ints = sized("n")  # where each node comes in that
+    above: Ints = sized("n")  # pivots
+    reached: Ints = sized("n")
+    child: Ints = sized("n")  # the first one below
+    sibling: Ints = sized("n")
+    stack: Ints = sized("n")
+    count: Ints = sized("n")  # rows of each column of L, without its diagonal
+    number: Ints = sized("n")  # those of each column of U
     lower: Ints
     upper: Ints
-    wide: Ints  # n: columns of one pattern from there on, but for their own rows
+    wide: Ints = sized("n")  # columns of one pattern from there on, but for their own rows
 
 
 def plan_eliminations(e: Eliminations) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from compiler.api import Ints, Record
+from compiler.api import Ints, Record, sized
 
 NOBODY = -1
 DENSE, FEW = 10.0, 16.0  # nodes with more neighbours than DENSE sqrt(n), and than FEW, come last
@@ -28,21 +28,21 @@ class Quotient(Record):
     mark: int  # greater than all earlier marks
     free: int  # start of the free part of `lists`
     room: int  # its length: n more than all neighbours
-    lists: Ints  # room
-    spare: Ints  # room
+    lists: Ints = sized("room")
+    spare: Ints = sized("room")
     start: Ints  # n
     length: Ints  # n
-    joined: Ints  # n: number of elements in a list
-    weight: Ints  # n: number of nodes that one represents; 0: none any more; less than 0: joined by the pivot
-    degree: Ints  # n
-    first: Ints  # n + 1: first node of each degree
-    after: Ints  # n: the next node of the same degree
-    before: Ints  # n
-    bucket: Ints  # n + 1: first of the nodes that may be equal
-    seen: Ints  # n: marks; 0: an element that is absorbed
-    member: Ints  # n: the next node with the same representative
-    last: Ints  # n: the last of these
-    order: Ints  # n: eliminated nodes, in this order
+    joined: Ints = sized("n")  # number of elements in a list
+    weight: Ints = sized("n")  # number of nodes that one represents; 0: none any more; less than 0: joined by the pivot
+    degree: Ints = sized("n")
+    first: Ints = sized("n", plus=1)  # first node of each degree
+    after: Ints = sized("n")  # the next node of the same degree
+    before: Ints = sized("n")
+    bucket: Ints = sized("n", plus=1)  # first of the nodes that may be equal
+    seen: Ints = sized("n")  # marks; 0: an element that is absorbed
+    member: Ints = sized("n")  # the next node with the same representative
+    last: Ints = sized("n")  # the last of these
+    order: Ints = sized("n")  # eliminated nodes, in this order
 
 
 def least_degree(q: Quotient) -> None:

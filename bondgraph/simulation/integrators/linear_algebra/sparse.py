@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import isfinite, sqrt
 
-from compiler.api import Floats, Ints, Record
+from compiler.api import Floats, Ints, Record, sized
 
 SINGULAR, FINE, ANEW = 0, 1, 2
 
@@ -33,19 +33,19 @@ class Pattern(Record):
     wide: Ints  # n: number of columns of L from there on with equal pattern, apart from their own rows
     lower: Floats
     upper: Floats
-    diagonal: Floats  # n
-    scale: Floats  # n
+    diagonal: Floats = sized("n")
+    scale: Floats = sized("n")
     lower_re: Floats
     lower_im: Floats
     upper_re: Floats
     upper_im: Floats
-    diagonal_re: Floats  # n
-    diagonal_im: Floats  # n
-    scale_complex: Floats  # n
-    x: Floats  # n: zero between two uses
-    xi: Floats  # n: zero between two uses
-    y: Floats  # n
-    yi: Floats  # n
+    diagonal_re: Floats = sized("n")
+    diagonal_im: Floats = sized("n")
+    scale_complex: Floats = sized("n")
+    x: Floats = sized("n")  # zero between two uses
+    xi: Floats = sized("n")  # zero between two uses
+    y: Floats = sized("n")
+    yi: Floats = sized("n")
 
 
 def real_factors(p: Pattern, shift: float, entries: Floats) -> int:
