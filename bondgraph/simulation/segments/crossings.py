@@ -245,6 +245,9 @@ def _halved(signs: Signs, here: Array, there: Array, stretch: IntArray, sign: Ar
 def _zeros(function: OneFunction, low: Array, high: Array, stretch: IntArray) -> tuple[Any, Any]:
     """Return a zero between each two instants with different signs, and a mask of those that are exact."""
     least = np.spacing(np.maximum(np.abs(low), np.abs(high)))
-    ends = (function.values(times, stretch) for times in (low, high))
-    a, b, at_a, at_b = zeros_between(lambda times: function.values(times, stretch), low, high, *ends, lambda _: least)
+
+    def values(times: Array) -> Any:
+        return function.values(times, stretch)
+
+    a, b, at_a, at_b = zeros_between(values, low, high, values(low), values(high), lambda _: least)
     return np.where(np.abs(at_a) < np.abs(at_b), a, b), (at_a == 0) | (at_b == 0)
