@@ -125,6 +125,9 @@ def explain(
     "--port", multiple=True, metavar="NAME=effort|flow", help="Of an FMU: an open port, and what comes in there."
 )
 @click.option(
+    "--icon", flag_value="diagram", help="Of an FMU: with the diagram as its icon, for which matplotlib is needed."
+)
+@click.option(
     "-e", "--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none."
 )
 @click.option("--part", metavar="INSTANCE", help="One instance alone, such as a controller.")
@@ -157,11 +160,12 @@ def compile(
     platforms, experiment = unit["platforms"], unit["experiment"]
     if out.endswith(FMU):
         words = tuple(p.strip() for p in ("linux64" if platforms is None else platforms).split(","))
-        load(file, model).to_fmu(out, experiment, words, "2" if unit["fmi"] is None else unit["fmi"], _ports(port))
+        version = "2" if unit["fmi"] is None else unit["fmi"]
+        load(file, model).to_fmu(out, experiment, words, version, _ports(port), unit["icon"] is not None)
         return
     if port or any(value is not None for value in unit.values()):
         raise click.UsageError(
-            f"--platforms, --fmi, --port and --experiment belong to an FMU, a file that ends in {FMU}"
+            f"--platforms, --fmi, --port, --icon and --experiment belong to an FMU, a file that ends in {FMU}"
         )
     text = load(file, model).compile(target or target_of(PurePath(out).suffix), part=part, single=single)
     with written(out, endings[0]) as path:

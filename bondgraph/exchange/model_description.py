@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 from compiler.api import CompilationFailed, Reported, Source, printable, read_unit
 
+from .terminals import Terminal, UnitIcon
 from .variables import FmuVariable, is_structured
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
@@ -58,6 +59,28 @@ def build_description(head: UnitHead) -> str:
         f'    <SourceFileSet language="C11">{files}</SourceFileSet>\n'
         "  </BuildConfiguration>\n</fmiBuildDescription>\n"
     )
+
+
+def terminals_and_icons(terminals: Sequence[Terminal], icon: UnitIcon | None) -> str:
+    """Return the text of `terminalsAndIcons.xml` of FMI 3.0: efforts of connected ports are equal, flows sum up to zero."""
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<fmiTerminalsAndIcons fmiVersion="3.0">']
+    if icon is not None:
+        scale = 200 / max(icon.width, icon.height) / 2  # the longer side is that of the usual system of coordinates
+        x, y = icon.width * scale, icon.height * scale
+        place = {"x1": repr(-x), "y1": repr(-y), "x2": repr(x), "y2": repr(y)}
+        system = _attributes(place | {"suggestedScalingFactorTo_mm": "0.1"})
+        lines.append(f"  <GraphicalRepresentation><CoordinateSystem{system}/><Icon{_attributes(place)}/></GraphicalRepresentation>")  # fmt: skip
+    lines += ["  <Terminals>"] if terminals else []
+    for item in terminals:
+        head = {"name": item.name, "matchingRule": "plug", "terminalKind": f"_bondgraph_{item.domain}"}
+        lines.append(f"    <Terminal{_attributes(head)}>")
+        for member, name in (("effort", item.effort), ("flow", item.flow)):
+            kind = "signal" if member == "effort" else "inflow" if item.inward else "outflow"
+            row = {"variableName": name, "memberName": member, "variableKind": kind}
+            lines.append(f"      <TerminalMemberVariable{_attributes(row)}/>")
+        lines.append("    </Terminal>")
+    lines += ["  </Terminals>"] if terminals else []
+    return "\n".join([*lines, "</fmiTerminalsAndIcons>", ""])
 
 
 def _lines(

@@ -25,10 +25,11 @@ from .functions import LEFT_OUT, VERSIONS, FmiVersion
 from .image import FUNCTIONS, ModelImage, image_of
 from .interface import llvm_data, llvm_interface
 from .interface_c import c_unit
-from .model_description import UnitHead, build_description, model_description
+from .model_description import UnitHead, build_description, model_description, terminals_and_icons
 from .obstacles import refuse
 from .start import StartValues, start_values
-from .variables import variables_of
+from .terminals import UnitIcon, terminals_of
+from .variables import FmuVariable, variables_of
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, LibraryModule, Plan, Scene
@@ -83,12 +84,13 @@ class _UnitParts:
 
 def fmu(
     model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2",
-    ports: Mapping[str, str] | None = None,
+    ports: Mapping[str, str] | None = None, icon: UnitIcon | None = None,
 ) -> bytes:  # fmt: skip
     """Return the bytes of a unit.
 
     All parameters can be set, all inputs are free. With an experiment its settings are in it. Start, stop and tolerance are those of
     the experiment, or of the first one. `ports`: open ports of the model, each with `effort` or `flow`, which comes from outside.
+    `icon`: its picture in other tools.
     Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
     for word in platforms or ("",):
@@ -119,6 +121,7 @@ def fmu(
     files = {
         "modelDescription.xml": model_description(parts.head, variables, plan.report, version.number).encode("utf-8")
     }
+    files |= _terminals(compilation, variables, version, ports or {}, icon)
     for word in platforms:
         platform = PLATFORMS[word]
         files[f"binaries/{platform.folders[version.number]}/{parts.head.identifier}{platform.ending}"] = _library(
@@ -126,6 +129,20 @@ def fmu(
         )
     files |= _sources(compilation, parts)
     return _zipped(files)
+
+
+def _terminals(
+    compilation: Compilation, variables: Sequence[FmuVariable], version: FmiVersion, ports: Mapping[str, str], icon: UnitIcon | None
+) -> dict[str, bytes]:  # fmt: skip
+    """Return the files of the icon, and of the terminals, which FMI 2.0 does not know."""
+    if version.number == "2.0":
+        return {} if icon is None else {"model.png": icon.png}
+    if not ports and icon is None:
+        return {}
+    text = terminals_and_icons(terminals_of(compilation, ports, variables), icon)
+    pictures = {} if icon is None else {"icon.png": icon.png, "icon.svg": icon.svg}
+    files = {"terminalsAndIcons.xml": text.encode("utf-8"), **pictures}
+    return {f"terminalsAndIcons/{name}": data for name, data in files.items()}
 
 
 def _compilation(model: CompiledModel, scene: Scene) -> Compilation:

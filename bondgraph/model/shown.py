@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from compiler import api
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from compiler.api import StateSpace
 
     from ..analysis.symbolic import SymbolicEquations
+    from ..exchange.terminals import UnitIcon
     from ..presentation.diagram.figure import Figure
 
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "state_equations", "code", "text")
@@ -58,6 +60,20 @@ class Shown(AnalysedModel):
         if path is not None:
             write_figure(figure, path)
         return figure
+
+    def _icon(self, ports: Mapping[str, str]) -> UnitIcon:
+        """Return the diagram as an icon, with instances as boxes and sources in the place of open ports."""
+        from ..exchange.terminals import UnitIcon
+        from ..presentation.diagram import draw, write_figure
+
+        scene = api.Scene(self.model, None, free=frozenset({"*"}), ports=tuple(ports.items()))
+        figure = draw(self.compilation(scene), closed=True)
+        with TemporaryDirectory() as folder:
+            paths = [Path(folder) / f"icon{ending}" for ending in (".png", ".svg")]
+            for path in paths:
+                write_figure(figure, path)
+            png, svg = (path.read_bytes() for path in paths)
+        return UnitIcon(png, svg, figure.width, figure.height)
 
     def _repr_html_(self) -> str:
         """Return certificate, bond graph and names for notebooks, or the errors."""
@@ -160,17 +176,18 @@ class Shown(AnalysedModel):
     @checked
     def to_fmu(
         self, path: str | Path, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2",
-        ports: Mapping[str, str] | None = None,
+        ports: Mapping[str, str] | None = None, icon: bool = False,
     ) -> None:  # fmt: skip
         """Write the model as a functional mock-up unit of FMI 2.0 or 3.0 for other tools: model exchange and co-simulation, without a C compiler.
 
         All parameters can be set, all inputs are free; with an experiment, its settings hold. Start, stop and tolerance are those of the experiment, or of
         the first one. `platforms`: `linux64`, `linux-aarch64`, `win64`. `ports`: open ports, as `{"tip": "effort"}`, which is an input then, `tip_F`,
-        and the flow an output, `tip_v`. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, OSError.
+        and the flow an output, `tip_v`. `icon`: with the diagram as its icon. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`,
+        `RunFailed`, `MissingPackage`, OSError.
         """
         from ..exchange.unit import fmu
         from ..files import replacing
 
-        data = fmu(self, experiment, platforms, fmi, ports)
+        data = fmu(self, experiment, platforms, fmi, ports, self._icon(ports or {}) if icon else None)
         with replacing(path) as stream:
             stream.write(data)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -11,7 +13,7 @@ import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from compiler.errors import CompilationFailed
-from tests.exchange.unit_files import instance, read_model_description, validate_fmu
+from tests.exchange.unit_files import fmpy, instance, read_model_description, validate_fmu
 
 pytestmark = pytest.mark.machine_code
 # A quarter car, cut at the bond between the wheel and what it carries.
@@ -95,6 +97,51 @@ def test_a_port_is_given_either_way(tmp_path: Path) -> None:
                 number, rel=1e-14
             )  # of the damper alone at the start
             assert unit.getDirectionalDerivative([place[result]], [place[source]], [1.0])[0] == pytest.approx(number)
+
+
+def read(file: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(file) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def test_terminals_and_icon_are_those_of_the_standard(tmp_path: Path) -> None:
+    """What joins two ports: equal efforts, and flows that sum up to zero where both come in, so a bond goes out of one and into the other."""
+    etree = pytest.importorskip("lxml.etree")
+    pytest.importorskip("matplotlib")
+    schema = etree.XMLSchema(etree.parse(str(Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd")))  # fmt: skip
+    (tmp_path / "car.bg").write_text(CAR, encoding="utf-8")
+    for name, port, kind in (("Wheel", "top", "outflow"), ("Body", "low", "inflow")):
+        file = tmp_path / f"{name}.fmu"
+        arguments = ["compile", str(tmp_path / "car.bg"), "--model", name, "--port", f"{port}=effort", "--fmi", "3", "-o", str(file)]  # fmt: skip
+        assert CliRunner().invoke(commands, arguments + ["--icon"] * (name == "Wheel")).exit_code == 0
+        assert validate_fmu(str(file)) == []
+        files = read(file)
+        root = etree.fromstring(files["terminalsAndIcons/terminalsAndIcons.xml"])
+        assert schema.validate(root), schema.error_log
+        *picture, terminals = root
+        (terminal,) = terminals
+        assert dict(terminal.attrib) == {"name": port, "matchingRule": "plug", "terminalKind": "_bondgraph_translation"}
+        assert [(m.get("memberName"), m.get("variableKind")) for m in terminal] == [
+            ("effort", "signal"),
+            ("flow", kind),
+        ]
+        assert [m.get("variableName") for m in terminal] == [f"{port}_F", f"{port}_v"]
+        assert {m.get("variableName") for m in terminal} < {
+            v.name for v in read_model_description(str(file)).modelVariables
+        }
+        if not picture:
+            continue
+        system, icon = picture[0]
+        width, height = struct.unpack(">II", files["terminalsAndIcons/icon.png"][16:24])
+        x, y = float(icon.get("x2")), float(icon.get("y2"))
+        assert max(x, y) == pytest.approx(100.0) and x / y == pytest.approx(width / height, rel=0.01)
+        assert {k: system.get(k) for k in icon.attrib} == dict(icon.attrib)
+        assert etree.fromstring(files["terminalsAndIcons/icon.svg"]).tag.endswith("svg")
+        assert CliRunner().invoke(commands, [*arguments[:-4], "-o", str(file), "--icon"]).exit_code == 0  # of FMI 2.0
+        older = read(file)
+        assert older["model.png"] == files["terminalsAndIcons/icon.png"] and not any("terminals" in n for n in older)
+    bondgraph.load(CAR, "Car").to_fmu(tmp_path / "car.fmu", fmi="3")
+    assert not any("terminals" in n for n in read(tmp_path / "car.fmu"))
 
 
 def test_strokes_that_forbid_a_way_are_told_with_their_reason(tmp_path: Path) -> None:

@@ -1,0 +1,51 @@
+"""Terminals of a unit: the variables of each open port, which importers connect together; and its icon."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from compiler.api import DOMAINS
+
+from .variables import FmuVariable
+
+if TYPE_CHECKING:
+    from compiler.api import Compilation
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """Open port: its domain, the names of its effort and flow, and True if power that is positive comes in."""
+
+    name: str
+    domain: str
+    effort: str
+    flow: str
+    inward: bool
+
+
+@dataclass(frozen=True, slots=True)
+class UnitIcon:
+    """Picture of a unit, in both formats, and its size."""
+
+    png: bytes
+    svg: bytes
+    width: float
+    height: float
+
+
+def terminals_of(
+    compilation: Compilation, ports: Iterable[str], variables: Sequence[FmuVariable]
+) -> tuple[Terminal, ...]:
+    """Return the terminals of ports that have sources in their place."""
+    graph = compilation.whole_graph
+    plain = compilation.tree.models[graph.name].plain
+    names = {v.name.removeprefix("output."): v.name for v in variables if v.causality in ("input", "output")}
+    places = {node.name: number for number, node in enumerate(graph.nodes)}
+    found = []
+    for port in ports:
+        bond = next(b for b in graph.bonds if places[port] in (b.tail.node, b.head.node))
+        effort, flow = (names[f"{port}_{v if plain else DOMAINS[bond.domain].letter(v)}"] for v in ("e", "f"))
+        found.append(Terminal(port, bond.domain, effort, flow, bond.tail.node == places[port]))
+    return tuple(found)
