@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 from compiler.api import CompilationFailed, Reported, Source, printable, read_unit
 
-from .terminals import Terminal, UnitIcon
+from .terminals import UnitIcon, UnitTerminal
 from .variables import FmuVariable, is_structured
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
@@ -61,7 +61,7 @@ def build_description(head: UnitHead) -> str:
     )
 
 
-def terminals_and_icons(terminals: Sequence[Terminal], icon: UnitIcon | None) -> str:
+def terminals_and_icons(terminals: Sequence[UnitTerminal], icon: UnitIcon | None) -> str:
     """Return the text of `terminalsAndIcons.xml` of FMI 3.0: efforts of connected ports are equal, flows sum up to zero."""
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<fmiTerminalsAndIcons fmiVersion="3.0">']
     if icon is not None:

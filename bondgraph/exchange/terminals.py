@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Terminal:
+class UnitTerminal:
     """Open port: its domain, the names of its effort and flow, and True if power that is positive comes in."""
 
     name: str
@@ -37,15 +37,15 @@ class UnitIcon:
 
 def terminals_of(
     compilation: Compilation, ports: Iterable[str], variables: Sequence[FmuVariable]
-) -> tuple[Terminal, ...]:
+) -> tuple[UnitTerminal, ...]:
     """Return the terminals of ports that have sources in their place."""
     graph = compilation.whole_graph
     plain = compilation.tree.models[graph.name].plain
     names = {v.name.removeprefix("output."): v.name for v in variables if v.causality in ("input", "output")}
     places = {node.name: number for number, node in enumerate(graph.nodes)}
-    found = []
+    terminals = []
     for port in ports:
         bond = next(b for b in graph.bonds if places[port] in (b.tail.node, b.head.node))
         effort, flow = (names[f"{port}_{v if plain else DOMAINS[bond.domain].letter(v)}"] for v in ("e", "f"))
-        found.append(Terminal(port, bond.domain, effort, flow, bond.tail.node == places[port]))
-    return tuple(found)
+        terminals.append(UnitTerminal(port, bond.domain, effort, flow, bond.tail.node == places[port]))
+    return tuple(terminals)
