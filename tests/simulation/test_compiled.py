@@ -22,7 +22,7 @@ from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import fields, pilot_run, sources
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.advance import advance, begin
-from bondgraph.simulation.integrators.compiled.plain import functions_of
+from bondgraph.simulation.integrators.compiled.plain import Plain, functions_of
 from bondgraph.simulation.integrators.linear_algebra.sparse import FINE, Pattern, real_back, real_factors
 from bondgraph.simulation.integrators.methods import SHARED
 from bondgraph.simulation.integrators.projection.projection import ProjectionWorkspace
@@ -141,7 +141,7 @@ def test_the_same_source_runs_as_python(method: str, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(compiled.CompiledMethod, "begin", keep)
     bondgraph.load(MODELS / "pendulum.bg").simulate(to=0.3, target="native", energy=True, points=20, solver=method)
     (solver, values) = made[0]
-    python = IntegratorWorkspace(**values | functions_of(IntegratorWorkspace, solver.program))
+    python = Plain(IntegratorWorkspace, values | functions_of(IntegratorWorkspace, solver.program)).record
     with np.errstate(all="ignore"):
         begin(python)
         assert advance(python, 10_000) == 0
