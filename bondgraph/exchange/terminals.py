@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from compiler.api import DOMAINS
-
-from .variables import FmuVariable
 
 if TYPE_CHECKING:
     from compiler.api import Compilation
@@ -35,17 +33,14 @@ class UnitIcon:
     height: float
 
 
-def terminals_of(
-    compilation: Compilation, ports: Iterable[str], variables: Sequence[FmuVariable]
-) -> tuple[UnitTerminal, ...]:
+def terminals_of(compilation: Compilation, ports: Iterable[str]) -> tuple[UnitTerminal, ...]:
     """Return the terminals of ports that have sources in their place."""
     graph = compilation.whole_graph
     plain = compilation.tree.models[graph.name].plain
-    names = {v.name.removeprefix("output."): v.name for v in variables if v.causality in ("input", "output")}
     places = {node.name: number for number, node in enumerate(graph.nodes)}
     terminals = []
     for port in ports:
         bond = next(b for b in graph.bonds if places[port] in (b.tail.node, b.head.node))
-        effort, flow = (names[f"{port}_{v if plain else DOMAINS[bond.domain].letter(v)}"] for v in ("e", "f"))
+        effort, flow = (f"{port}_{v if plain else DOMAINS[bond.domain].letter(v)}" for v in ("e", "f"))
         terminals.append(UnitTerminal(port, bond.domain, effort, flow, bond.tail.node == places[port]))
     return tuple(terminals)

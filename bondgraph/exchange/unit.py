@@ -29,7 +29,7 @@ from .model_description import UnitHead, build_description, model_description, t
 from .obstacles import refuse
 from .start import StartValues, start_values
 from .terminals import UnitIcon, terminals_of
-from .variables import FmuVariable, variables_of
+from .variables import variables_of
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, LibraryModule, Plan, Scene
@@ -121,7 +121,7 @@ def fmu(
     files = {
         "modelDescription.xml": model_description(parts.head, variables, plan.report, version.number).encode("utf-8")
     }
-    files |= _terminals(compilation, variables, version, ports or {}, icon)
+    files |= _terminals(compilation, version, ports or {}, icon)
     for word in platforms:
         platform = PLATFORMS[word]
         files[f"binaries/{platform.folders[version.number]}/{parts.head.identifier}{platform.ending}"] = _library(
@@ -132,14 +132,14 @@ def fmu(
 
 
 def _terminals(
-    compilation: Compilation, variables: Sequence[FmuVariable], version: FmiVersion, ports: Mapping[str, str], icon: UnitIcon | None
+    compilation: Compilation, version: FmiVersion, ports: Mapping[str, str], icon: UnitIcon | None
 ) -> dict[str, bytes]:  # fmt: skip
     """Return the files of the icon, and of the terminals, which FMI 2.0 does not know."""
     if version.number == "2.0":
         return {} if icon is None else {"model.png": icon.png}
     if not ports and icon is None:
         return {}
-    text = terminals_and_icons(terminals_of(compilation, ports, variables), icon)
+    text = terminals_and_icons(terminals_of(compilation, ports), icon)
     pictures = {} if icon is None else {"icon.png": icon.png, "icon.svg": icon.svg}
     files = {"terminalsAndIcons.xml": text.encode("utf-8"), **pictures}
     return {f"terminalsAndIcons/{name}": data for name, data in files.items()}
