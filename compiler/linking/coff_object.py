@@ -6,17 +6,7 @@ import struct
 from collections.abc import Iterator
 
 from ..fast_dataclass import dataclass
-from .object_file import (  # fmt: skip
-    LinkError,
-    ObjectFile,
-    ObjectSymbol,
-    Relocation,
-    Section,
-    checked_section,
-    checked_sections,
-    fields_of,
-    text_at,
-)
+from .object_file import LinkError, ObjectFile, ObjectSymbol, Relocation, Section, checked, fields_of, text_at
 
 HEADER, SECTION, SYMBOL, RELOCATION = "<HHIIIHH", "<QIIIIIIHHI", "<QIhHBB", "<IIH"
 MOST_SECTIONS = 0xFEFF  # more of them are another format
@@ -48,7 +38,7 @@ def read_coff(data: bytes) -> ObjectFile:
         raise LinkError("this is no COFF object")
     start, width = struct.calcsize(HEADER), struct.calcsize(SECTION)
     headers = {i + 1: _header(data, start + width * i) for i in range(count)}
-    sections = checked_sections({i: _section(data, h) for i, h in headers.items() if _is_loaded(h)})
+    sections = checked({i: _section(data, h) for i, h in headers.items() if _is_loaded(h)})
     names = _symbols(data, table, symbols, sections)
     relocations = tuple(r for i in sections for r in _relocations(data, i, headers[i], sections[i], len(names)))
     return ObjectFile(machine, sections, names, relocations)
@@ -70,7 +60,7 @@ def _section(data: bytes, header: _CoffHeader) -> Section:
     if not header.flags & ZEROS and len(content) != header.size:
         raise LinkError("the object is cut off")
     flags = bool(header.flags & WRITE), bool(header.flags & EXECUTE)
-    return checked_section(Section(header.name, content, header.size, 1 << place - 1 if place else 16, *flags))
+    return Section(header.name, content, header.size, 1 << place - 1 if place else 16, *flags)
 
 
 def _symbols(data: bytes, table: int, count: int, sections: dict[int, Section]) -> tuple[ObjectSymbol, ...]:

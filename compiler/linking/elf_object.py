@@ -6,15 +6,14 @@ import struct
 from collections.abc import Iterator, Sequence
 
 from ..fast_dataclass import dataclass
-from .object_file import (  # fmt: skip
+from .object_file import (
     MOST_BYTES,
     LinkError,
     ObjectFile,
     ObjectSymbol,
     Relocation,
     Section,
-    checked_section,
-    checked_sections,
+    checked,
     fields_of,
     text_at,
 )
@@ -51,7 +50,7 @@ def read_elf(data: bytes) -> ObjectFile:
         raise LinkError("the object has sections that are not supported")
     if any(text_at(names, h.name).startswith(".rela") and not _is_whole(h, headers, names) for h in headers):
         raise LinkError("a table of relocations is damaged")
-    sections = checked_sections(
+    sections = checked(
         {i: _section(data, h, text_at(names, h.name)) for i, h in enumerate(headers) if _is_loaded(h, names)}
     )
     tables = [h for h in headers if h.kind == SYMTAB]
@@ -92,7 +91,7 @@ def _is_loaded(header: _ElfHeader, names: bytes) -> bool:
 def _section(data: bytes, header: _ElfHeader, name: str) -> Section:
     flags = bool(header.flags & WRITE), bool(header.flags & EXECUTE)
     content = b"" if header.kind == NOBITS else _content(data, header)
-    return checked_section(Section(name, content, header.size, max(header.alignment, 1), *flags))
+    return Section(name, content, header.size, max(header.alignment, 1), *flags)
 
 
 def _symbols(data: bytes, headers: Sequence[_ElfHeader], table: _ElfHeader, sections: dict[int, Section]) -> Iterator[ObjectSymbol]:  # fmt: skip

@@ -74,20 +74,16 @@ def text_at(names: bytes, place: int) -> str:
     return names[place:end].decode("utf-8", "replace")
 
 
-def checked_section(section: Section) -> Section:
-    """Return a section whose sizes and flags are possible. Raises `LinkError`."""
-    alignment = section.alignment
-    if alignment & (alignment - 1) or alignment > MOST_ALIGNED or section.size > MOST_BYTES:
-        raise LinkError(f"section {section.name} is damaged")
-    if section.writable and section.executable:
-        raise LinkError(f"section {section.name} is to be written and to be executed")
-    if not section.data and section.size and not section.writable:
-        raise LinkError(f"section {section.name} has no content")
-    return section
-
-
-def checked_sections(sections: dict[int, Section]) -> dict[int, Section]:
-    """Return sections that have room in one library. Raises `LinkError`."""
+def checked(sections: dict[int, Section]) -> dict[int, Section]:
+    """Return sections whose sizes and flags are possible. Raises `LinkError`."""
+    for section in sections.values():
+        alignment = section.alignment
+        if alignment & (alignment - 1) or alignment > MOST_ALIGNED or section.size > MOST_BYTES:
+            raise LinkError(f"section {section.name} is damaged")
+        if section.writable and section.executable:
+            raise LinkError(f"section {section.name} is to be written and to be executed")
+        if not section.data and section.size and not section.writable:
+            raise LinkError(f"section {section.name} has no content")
     if sum(s.size for s in sections.values()) > MOST_BYTES:
         raise LinkError("the object is too large")
     return sections
