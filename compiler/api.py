@@ -91,9 +91,20 @@ if TYPE_CHECKING:
     from .semantics.expressions.tables import USAGE as TABLE_USAGES
     from .semantics.expressions.unit import read_unit
     from .semantics.expressions.vectors import VECTORS
-    from .semantics.names.domain_table import ELEMENT_KINDS, slot_defaults
+    from .semantics.names.declared_names import (
+        DeclaredName,
+        NameTable,
+        file_names,
+        first_text,
+        name_span,
+        parts_of,
+        path_of,
+        table_of,
+    )
+    from .semantics.names.domain_table import ELEMENT_KINDS
+    from .semantics.names.name_uses import NameUse, model_of, name_uses, names_inside
     from .semantics.names.part_kinds import attributes_of, kinds_of
-    from .semantics.names.scope import RESERVED, ElementEntry, FileScope, ModelDefinition, PartEntry
+    from .semantics.names.scope import RESERVED, ElementEntry, FileScope, PartEntry
     from .semantics.names.project_folder import project_folder
     from .semantics.names.unit_file import HELD, UnitDescription, UnitVariable, read_unit_description
     from .solvers import AUTOMATIC, SOLVERS, Solver

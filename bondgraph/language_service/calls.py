@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from compiler.api import tree
+from compiler.api import file_names, tree
 
 from .answers import CallUsage
 from .completion import place_at
-from .names import file_names
 from .vocabulary import FUNCTION_TEXTS, USAGES
 from .workspace import Workspace
 

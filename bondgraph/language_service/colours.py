@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import tree
+from compiler.api import path_of, tree
 
 from .answers import MarkedWord
 from .context import WORD
-from .names import path_of
 from .vocabulary import classes
 from .workspace import Workspace
 

@@ -12,14 +12,20 @@ from compiler.api import (
     DOMAINS,
     ELEMENTS,
     HELD,
+    DeclaredName,
     Dimension,
     EditedFile,
     FileScope,
     FileSurvey,
+    NameTable,
     PartEntry,
     attributes_of,
+    file_names,
     freedoms_of,
     kinds_of,
+    names_inside,
+    parts_of,
+    table_of,
     tree,
 )
 
@@ -27,8 +33,6 @@ from .answers import Suggestion
 from .context import Context, context_at, path_before
 from .facts import declared_dimension, dimension_of, entry_of, ports
 from .libraries import import_suggestions, library_models, part_suggestion
-from .names import DeclaredName, NameTable, file_names, parts_of, table_of
-from .occurrences import inside
 from .units import unit_suggestions
 from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text, solver_names
 from .workspace import Workspace
@@ -253,7 +257,7 @@ def _members(place: CursorPlace) -> Iterator[Suggestion]:
         if name is None:
             return
         owner = name.owner[0] if name.owner else owner
-        names, file = inside(name, file)
+        names, file = names_inside(name, file)
     if name is None:
         return
     bond = _is_bond(place.context) or len(place.context.statement) == 2 * len(path)

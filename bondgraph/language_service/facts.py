@@ -6,10 +6,19 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from compiler.api import CompilationFailed, ElementEntry, PartEntry, Source, read_unit, scale_of, tree
+from compiler.api import (
+    CompilationFailed,
+    DeclaredName,
+    ElementEntry,
+    PartEntry,
+    Source,
+    path_of,
+    read_unit,
+    scale_of,
+    tree,
+)
 
 from ..presentation.text.causality import CausalityExplanation, explain
-from .names import DeclaredName, path_of
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, Dimension, Domain, FileSurvey, Scale

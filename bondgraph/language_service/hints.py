@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from compiler.api import Compilation, nodes_in, tree
+from compiler.api import Compilation, nodes_in, path_of, tree
 
 from ..presentation.text.causality import CausalityExplanation
 from .answers import InlineHint
 from .facts import number, scale
-from .names import path_of
 from .workspace import Workspace
 
 STROKES = ("\u2192|", "|\u2192")  # effort from the tail: stroke at the head; and the other way

@@ -6,13 +6,23 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from compiler.api import DOMAINS, ELEMENTS, UNITS, FileSurvey, Span, tree
+from compiler.api import (
+    DOMAINS,
+    ELEMENTS,
+    UNITS,
+    DeclaredName,
+    FileSurvey,
+    NameUse,
+    Span,
+    first_text,
+    model_of,
+    table_of,
+    tree,
+)
 
 from .answers import HoverText
 from .context import WORD
 from .facts import author_unit, domain_line, number, ports, quantity_line, stroke_lines
-from .names import DeclaredName, first_text, table_of
-from .occurrences import NameUse, model_of
 from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text
 from .workspace import Workspace, place_of
 

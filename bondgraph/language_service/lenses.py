@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import tree
+from compiler.api import name_span, tree
 
 from .answers import Lens
-from .names import name_span
 from .workspace import Workspace, place_of
 
 

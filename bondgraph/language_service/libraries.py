@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import UNIT, EditedFile, FileScope, tree
+from compiler.api import UNIT, EditedFile, FileScope, first_text, table_of, tree
 
 from ..compiled_model import LIBRARY
 from .answers import Suggestion, TextEdit, TextPlace
 from .context import Context
-from .names import first_text, table_of
 from .workspace import Workspace
 
 

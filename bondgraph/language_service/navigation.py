@@ -6,12 +6,10 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import ELEMENT_KINDS, RESERVED, UNIT, tree
+from compiler.api import ELEMENT_KINDS, RESERVED, UNIT, DeclaredName, NameUse, path_of, tree
 
 from ..compiled_model import LIBRARY
 from .answers import OutlineNode, TextEdit, TextPlace
-from .names import DeclaredName, path_of
-from .occurrences import NameUse
 from .outline import outline
 from .workspace import Workspace, place_of
 
@@ -69,7 +67,9 @@ def _files_with(workspace: Workspace, name: DeclaredName) -> Iterator[Path]:
 def rename_place(workspace: Workspace, path: Path, at: int) -> TextPlace | None:
     """Return the place of a name that can be changed; None for words of the language and of the library."""
     occurrence = workspace.occurrence_at(path, at)
-    if occurrence is None or occurrence.name is None or occurrence.name.path.is_relative_to(LIBRARY.resolve()):
+    name = None if occurrence is None else occurrence.name
+    # A member of a set is handed over to parameters of its name.
+    if occurrence is None or name is None or name.kind == "member" or name.path.is_relative_to(LIBRARY.resolve()):
         return None
     return place_of(occurrence.span)
 

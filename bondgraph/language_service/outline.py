@@ -6,10 +6,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import EditedFile, Span, tree
+from compiler.api import DeclaredName, EditedFile, Span, first_text, name_span, parts_of, table_of, tree
 
 from .answers import OutlineNode, TextPlace
-from .names import DeclaredName, first_text, name_span, parts_of, table_of
 from .workspace import Workspace, place_of
 
 _MARK = re.compile(r'"[^"\n]*"|#[^\n]*|[{}\[\]()]')

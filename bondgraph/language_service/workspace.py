@@ -11,8 +11,11 @@ from compiler.api import (
     EditedFile,
     FileScope,
     FileSurvey,
+    NameUse,
     Project,
     Span,
+    name_uses,
+    path_of,
     project_folder,
     read_text,
     uncollected,
@@ -22,8 +25,6 @@ from ..compiled_model import LIBRARY, most_parts
 from ..presentation.text.causality import CausalityExplanation
 from .answers import TextPlace
 from .facts import strokes
-from .names import path_of
-from .occurrences import NameUse, occurrences
 
 MOST_FILES = 2000  # files of a folder that are searched for a name
 
@@ -71,7 +72,7 @@ class Workspace:
             with uncollected():
                 found: dict[tuple[int, str], NameUse] = {}
                 # Transitions name their mode where it is declared.
-                for use in occurrences(file, document.tree.statements):
+                for use in name_uses(file, document.tree.statements):
                     found.setdefault((use.span.offset, use.span.source.name), use)
                 listed = [found[place] for place in sorted(found)]
             before = self._occurrences[path] = (file, listed)

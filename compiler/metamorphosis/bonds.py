@@ -8,16 +8,16 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from ..graph.domains import DOMAINS
+from ..semantics.names.declared_names import table_of
 from ..semantics.names.domain_table import domain_table
-from ..semantics.names.imports import Loader
+from ..semantics.names.name_uses import READ_BY_LAWS
 from ..semantics.names.port_domains import DomainTable
 from ..semantics.names.scope import ModelDefinition
-from ..source import Source, Span
-from ..syntax import parse, tree
-from ..syntax.blocks import flat, with_inner_blocks
-from .changing import Statements, as_file, parsed
-from .printing import NOWHERE, expression, path, path_text, rewrite, text_of
-from .renaming import NUMBERS, Definition, has_branches
+from ..source import Span
+from ..syntax import tree
+from ..syntax.blocks import Statements, flat, with_inner_blocks
+from .printing import NOWHERE, expression, path, path_text, rewrite
+from .renaming import as_file, has_branches, parsed
 
 SOURCES = ("Se", "Sf", "MSe", "MSf")
 TWO_SIDED = ("TF", "GY", "MTF", "MGY")
@@ -25,7 +25,7 @@ LETTERS = {(d.letters[i] or v): v for d in reversed(tuple(DOMAINS.values())) for
 LETTERS |= {"e": "e", "f": "f"}
 
 
-def changed_models(statements: Statements, change: Callable[[Definition], Statements]) -> Statements:
+def changed_models(statements: Statements, change: Callable[[ModelDefinition], Statements]) -> Statements:
     """Each model of a text changed, with its names looked up."""
     file = as_file(statements)
     return tuple(
@@ -44,7 +44,7 @@ def exploded(statements: Statements) -> Statements:
 
 @dataclass(eq=False)
 class _Exploding:
-    definition: Definition
+    definition: ModelDefinition
     count: int = 0
 
     def statements(self) -> Statements:
@@ -80,10 +80,17 @@ class _Exploding:
         lines.append(f"{place.kind} {name}")
         for member in place.members:
             inner = self._place(member, rounds, lines)
-            entry = self.definition.names.get(member.head) if isinstance(member, tree.PathSyntax) else None
-            from_source = isinstance(entry, tree.Declaration) and entry.kind in SOURCES
+            entry = declaration_of(self.definition, member)
+            from_source = entry is not None and entry.kind in SOURCES
             lines.append(f"{inner} -> {name}" if from_source else f"{name} -> {inner}")
         return name
+
+
+def declaration_of(definition: ModelDefinition, place: tree.SyntaxNode | str) -> tree.Declaration | None:
+    """Declaration of a name, or of what a path begins with; None for anything else."""
+    word = place if isinstance(place, str) else getattr(place, "head", "")
+    name = table_of(definition.model).get(word)
+    return name.node if name is not None and isinstance(name.node, tree.Declaration) else None
 
 
 def inner_statements(lines: list[str]) -> Statements:
@@ -110,16 +117,15 @@ def turned(statements: Statements) -> Statements:
 
 def with_domains(statements: Statements) -> Statements:
     """Every junction with its domain, as a bond that is cut no longer passes it on."""
-    loaded = Loader(None).load(parse(Source("one.bg", text_of(statements))))
     tables: dict[str, DomainTable] = {}
 
-    def table_of(definition: ModelDefinition) -> DomainTable:
+    def domains_of(definition: ModelDefinition) -> DomainTable:
         if definition.name not in tables:
-            tables[definition.name] = domain_table(definition, table_of)
+            tables[definition.name] = domain_table(definition, domains_of)
         return tables[definition.name]
 
-    def change(definition: Definition) -> Statements:
-        table = table_of(loaded.models[definition.model.name])
+    def change(definition: ModelDefinition) -> Statements:
+        table = domains_of(definition)
 
         def with_domain(node: object) -> Any:
             if isinstance(node, tree.Declaration) and node.kind in ("0", "1") and node.definition is None:
@@ -147,7 +153,7 @@ def _members(node: object) -> Iterator[str]:
 
 @dataclass(eq=False)
 class _Turning:
-    definition: Definition
+    definition: ModelDefinition
     members: Counter[str]
     uses: dict[str, list[tree.Bonds]] = field(default_factory=dict)
     signs: dict[str, dict[str, str]] = field(default_factory=dict)  # element -> its variable -> what it is now
@@ -163,9 +169,9 @@ class _Turning:
             for place in bond.places[0] + bond.places[1]:
                 self.uses.setdefault(place.head, []).append(bond)  # type: ignore[union-attr]
         for name, bonds in self.uses.items():
-            entry = self.definition.names.get(name)
-            lone = isinstance(entry, tree.Declaration) and len(entry.names) == 1 and not entry.names[0].components
-            if lone and isinstance(entry, tree.Declaration) and name not in self.members:
+            entry = declaration_of(self.definition, name)
+            lone = entry is not None and len(entry.names) == 1 and not entry.names[0].components
+            if lone and entry is not None and name not in self.members:
                 if entry.kind in SOURCES and len(bonds) == 1:
                     self._source(name, entry, bonds[0])
                 elif entry.kind in TWO_SIDED and len(bonds) == 2:
@@ -175,8 +181,8 @@ class _Turning:
 
     def _junction(self, place: tree.SyntaxNode) -> str | None:
         """The kind of the junction at a place, if it is one of this model's own."""
-        entry = self.definition.names.get(place.head) if isinstance(place, tree.PathSyntax) else None
-        if not isinstance(place, tree.PathSyntax) or not isinstance(entry, tree.Declaration):
+        entry = declaration_of(self.definition, place)
+        if not isinstance(place, tree.PathSyntax) or entry is None:
             return None
         own = entry.kind in ("0", "1") and all(isinstance(s, tree.Index) for s in place.steps)
         return entry.kind if own else None
@@ -218,7 +224,8 @@ class _Turning:
 
         def change(part: object) -> Any:
             if isinstance(part, tree.PathSyntax) and not part.steps and part.head in now:
-                if self.definition.names.get(part.head) in (*NUMBERS, "index"):
+                name = table_of(self.definition.model).get(part.head)
+                if name is not None and name.kind in READ_BY_LAWS:
                     return part
                 return signed(replace(part, head=now[part.head].lstrip("-")), now[part.head])
             return part

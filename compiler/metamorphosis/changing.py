@@ -10,15 +10,14 @@ from typing import Any
 
 from ..errors import CompilationFailed
 from ..graph.domains import DOMAINS, GENERIC
-from ..semantics.names.compound_units import with_compound_units
+from ..semantics.names.declared_names import DeclaredName, model_name
+from ..semantics.names.domain_table import slot_defaults
+from ..semantics.names.name_uses import name_uses, name_uses_in_path
 from ..semantics.names.scope import RESERVED
-from ..source import Source
-from ..syntax import parse, tree
-from ..syntax.blocks import with_inner_blocks
-from .printing import path, path_text, rewrite, text_of
-from .renaming import File, Key, ReadingPlace, Renamer, has_branches, read_files
-
-Statements = tuple[tree.SyntaxNode, ...]
+from ..syntax import tree
+from ..syntax.blocks import Statements, with_inner_blocks
+from .printing import path, rewrite
+from .renaming import as_file, has_branches, in_other_words
 
 
 def same(name: str) -> tuple[str, ...]:
@@ -36,12 +35,6 @@ class Changed:
     outputs: Callable[[str], tuple[str, ...]] = same
     states: Callable[[str], tuple[str, ...]] = same
     copies: int = 1
-
-
-def as_file(statements: Statements) -> File:
-    """Statements with their names looked up."""
-    source = Source("one.bg", text_of(statements))
-    return next(iter(read_files(source).values()))
 
 
 # ---------------------------------------------------------------- renaming
@@ -81,36 +74,39 @@ class Rename:
         self.pool = [w for w in dict.fromkeys(HARD) if w not in LETTERS | FREEDOMS | RESERVED]
         random.shuffle(self.pool)
         self.random = random
-        self.words: dict[Key, str] = {}
+        self.words: dict[object, str] = {}
         # What stands in a slot, or under one name in two branches of an `if`, shares its names.
-        self.by_word = bool(self.file.sets) or any(d.slots or has_branches(d.model) for d in self.file.models.values())
-        self.renamer = Renamer(self.choose)
+        models = [d.model for d in self.file.models.values()]
+        shared = any(slot_defaults(model.statements) or has_branches(model) for model in models)
+        self.by_word = bool(self.file.file.sets) or shared
 
-    def choose(self, key: Key) -> str:
-        if self.by_word and key[0] == "model":
-            key = ("name", key[-1])
+    def choose(self, name: DeclaredName) -> str:
+        key = name.name if self.by_word and name.owner else name
         if key not in self.words:
             for position, word in enumerate(self.pool):
-                if key[0] == "model" or word not in KINDS_AND_FUNCTIONS:
+                if name.owner or word not in KINDS_AND_FUNCTIONS:
                     self.words[key] = self.pool.pop(position)
                     break
             else:
-                self.words[key] = f"{key[-1]}_{self.random.randrange(10**6)}_{len(self.words)}"
+                self.words[key] = f"{name.name}_{self.random.randrange(10**6)}_{len(self.words)}"
         return self.words[key]
 
     def changed(self, model: str, experiment: str | None) -> Changed:
         definition = self.file.models[model]
-        text = text_of(self.renamer.file(self.file))
-        place = ReadingPlace(self.renamer, self.file, definition)
+        uses = list(name_uses(self.file.file, self.file.statements))
+        text = in_other_words(self.file.file.source.text, uses, self.choose)
+        names = (use.name for use in uses if use.name is not None and use.name.kind == "experiment")
+        steps = {name.name: self.choose(name) for name in names if name.owner[0] == model}
 
         def word(name: str) -> tuple[str, ...]:
             try:
-                return (path_text(place.path(path(name))),)
+                read = path(name)
             except CompilationFailed:  # an integral without a name of the author's
                 return (name,)
+            return (in_other_words(name, name_uses_in_path(definition, read), self.choose),)
 
-        step = None if experiment is None else place.name("experiment", experiment)
-        return Changed(text, self.renamer.model_name(definition), step, word, word)
+        step = None if experiment is None else steps[experiment]
+        return Changed(text, self.choose(model_name(definition)), step, word, word)
 
 
 # ---------------------------------------------------------------- order
@@ -155,8 +151,3 @@ def permuted(statements: Statements, seed: int) -> Statements:
         return node
 
     return shuffled(rewrite(statements, change))
-
-
-def parsed(text: str) -> Statements:
-    """The statements of a text."""
-    return with_compound_units(parse(Source("one.bg", text))).statements

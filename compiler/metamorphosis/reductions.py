@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ..syntax import tree
-from .changing import Statements
+from ..syntax.blocks import Statements
 from .text_changes import TextScene
 
 

@@ -7,13 +7,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..semantics.names.declared_names import table_of
 from ..semantics.names.domain_table import paths_of
+from ..semantics.names.scope import ModelDefinition
 from ..source import Source
 from ..syntax import parse_expression, tree
+from ..syntax.blocks import Statements
 from .bonds import exploded, turned
-from .changing import Changed, Rename, Statements, as_file, permuted
+from .changing import Changed, Rename, permuted
 from .printing import NOWHERE, path, path_text, rewrite, statement, text_of
-from .renaming import Definition, bundled
+from .renaming import as_file, bundled
 from .scaling import InBases, Powers
 
 
@@ -24,13 +27,13 @@ def enclosed(
     definition = as_file(statements).models[model]
     instances = ["inner"] if copies is None else [f"inner[{j}]" for j in range(1, copies + 1)]
     inputs = [i for i in _items(definition, "input") if i.index is None and not _reads(definition, i.value)]
-    passed = {i.name for i in inputs}
+    passed, names = {i.name for i in inputs}, table_of(definition.model)
 
     def outer(node: tree.SyntaxNode) -> Any:
         """An expression of the model, read outside of it."""
 
         def change(part: object) -> object:
-            if isinstance(part, tree.PathSyntax) and part.head in definition.names and part.head not in passed:
+            if isinstance(part, tree.PathSyntax) and part.head in names and part.head not in passed:
                 return path(f"{instances[0]}.{path_text(part)}")
             return part
 
@@ -57,23 +60,23 @@ def enclosed(
     )  # fmt: skip
 
 
-def _items(definition: Definition, role: str) -> Iterator[tree.Item]:
+def _items(definition: ModelDefinition, role: str) -> Iterator[tree.Item]:
     for s in definition.model.statements:
         if isinstance(s, tree.Quantities) and s.role == role:
             yield from s.items
 
 
-def _any_quantities(definition: Definition) -> list[tree.Quantities]:
+def _any_quantities(definition: ModelDefinition) -> list[tree.Quantities]:
     return [s for s in definition.model.statements if isinstance(s, tree.Quantities) and s.role == "input"][:1]
 
 
-def _reads(definition: Definition, value: tree.ExpressionSyntax | None) -> bool:
-    return value is not None and any(p.head in definition.names for p in paths_of(value))
+def _reads(definition: ModelDefinition, value: tree.ExpressionSyntax | None) -> bool:
+    return value is not None and any(p.head in table_of(definition.model) for p in paths_of(value))
 
 
 def _steps(
     experiment: tree.Experiment,
-    definition: Definition,
+    definition: ModelDefinition,
     passed: set[str],
     instances: list[str],
     outer: Callable[[tree.SyntaxNode], Any],

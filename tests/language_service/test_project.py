@@ -135,7 +135,7 @@ def test_large_models_are_left_for_later(tmp_path: Path) -> None:
     ],
 )
 def test_half_typed_models_still_have_names(text: str, names: set[str]) -> None:
-    from bondgraph.language_service.names import table_of
+    from compiler.api import table_of
 
     piece = read_piece("a.bg", Path("a.bg"), text)
     assert piece.mistakes

@@ -20,13 +20,14 @@ import pytest
 from bondgraph.compiled_model import LIBRARY
 from compiler.errors import render
 from compiler.metamorphosis.bonds import exploded, turned
-from compiler.metamorphosis.changing import Changed, Rename, Statements, parsed, permuted
+from compiler.metamorphosis.changing import Changed, Rename, permuted
 from compiler.metamorphosis.printing import text_of
 from compiler.metamorphosis.reductions import smallest
-from compiler.metamorphosis.renaming import bundled
+from compiler.metamorphosis.renaming import bundled, parsed
 from compiler.metamorphosis.scaling import Powers
 from compiler.metamorphosis.text_changes import TextScene, enclosed
 from compiler.source import Source
+from compiler.syntax.blocks import Statements
 from compiler.syntax.format import format_text
 from tests.metamorphic.observing import CIRCUITS, Case, Text, cases, difference, first_cases, order
 from tests.metamorphic.wrapping import opened, walled

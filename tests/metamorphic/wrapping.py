@@ -9,12 +9,14 @@ from typing import Any
 from compiler.graph.domains import DOMAINS
 from compiler.graph.network import BondGraph
 from compiler.metamorphosis.bonds import inner_statements
-from compiler.metamorphosis.changing import Statements, as_file, parsed
 from compiler.metamorphosis.printing import path, path_text, rewrite, statement, unit
-from compiler.metamorphosis.renaming import Definition, Key, Renamer, kind_of
-from compiler.semantics.names.domain_table import ELEMENT_KINDS
-from compiler.semantics.names.scope import STATIC_ROLES
+from compiler.metamorphosis.renaming import NamedText, as_file, in_other_words, parsed
+from compiler.semantics.names.declared_names import DeclaredName, table_of
+from compiler.semantics.names.domain_table import ELEMENT_KINDS, slot_defaults
+from compiler.semantics.names.name_uses import name_uses
+from compiler.semantics.names.scope import STATIC_ROLES, ModelDefinition
 from compiler.syntax import tree
+from compiler.syntax.blocks import Statements
 
 ONE_PORTS = ("Se", "Sf", "MSe", "MSf", "C", "I", "R", "MR")
 
@@ -50,25 +52,23 @@ def _letters(graph: BondGraph, name: str) -> list[str]:
     return [domain.letter(v) for v in "efqp"]
 
 
-def _wall(element: tree.Declaration, definition: Definition, graph: BondGraph) -> Statements | None:
+def _wall(element: tree.Declaration, definition: ModelDefinition, graph: BondGraph) -> Statements | None:
     """The model around an element and its instance; None where something that its law reads has no unit that is known here."""
     name = element.names[0].name
     node = next((n for n in graph.nodes if n.name == name), None)
     if node is None or not isinstance(element.definition, tree.LawSyntax):
         return None
-    plain = definition.model.plain
+    plain, names = definition.model.plain, table_of(definition.model)
     domain = DOMAINS[node.ports[0].domain]  # type: ignore[union-attr]
     given: dict[str, tuple[str, str, str]] = {}  # words -> name inside, role, unit
     own = {letter for v in "efqp" for letter in (v, domain.letter(v))}
 
     def change(part: Any) -> Any:
-        if not isinstance(part, tree.PathSyntax) or part.head not in definition.names:
+        name = names.get(part.head) if isinstance(part, tree.PathSyntax) else None
+        if name is None:
             return part
-        if (
-            part.head in own
-            and not part.steps
-            and definition.names[part.head] not in ("parameter", "constant", "input", "signal", "mode")
-        ):
+        numbers = ("parameter", "constant", "input", "signal", "mode")
+        if part.head in own and not part.steps and name.kind not in numbers:
             return part
         words = path_text(part)
         if words not in given:
@@ -108,7 +108,7 @@ def _known(words: str, graph: BondGraph) -> tuple[str, str]:
     return ("", "") if variable is None else ("input", str(domain.dimension(variable)))
 
 
-def _gives(name: str, definition: Definition) -> bool:
+def _gives(name: str, definition: ModelDefinition) -> bool:
     """Return True if the arrow goes out of an element."""
     bonds = (s for s in definition.model.statements if isinstance(s, tree.Bonds))
     return any(isinstance(p, tree.PathSyntax) and p.head == name for b in bonds for p in b.places[0])
@@ -144,7 +144,8 @@ def opened(statements: Statements, model: str, graph: BondGraph) -> tuple[Statem
         file = as_file(statements)
         definition = file.models[model]
         done = next(
-            (r for s in definition.model.statements if (r := _open(s, definition, graph, count)) is not None), None
+            (r for s in definition.model.statements if (r := _open(s, file, definition, graph, count)) is not None),
+            None,
         )
         if done is None:
             return statements, words
@@ -157,23 +158,24 @@ def opened(statements: Statements, model: str, graph: BondGraph) -> tuple[Statem
         count += 1
 
 
-def _open(node: Any, definition: Definition, graph: BondGraph, count: int) -> tuple[str, Statements] | None:
+def _open(
+    node: Any, file: NamedText, definition: ModelDefinition, graph: BondGraph, count: int
+) -> tuple[str, Statements] | None:
     """The statements of the model with this instance opened, if it can be."""
     if not isinstance(node, tree.Declaration) or node.kind in ELEMENT_KINDS or len(node.names) > 1:
         return None
-    inner, name = kind_of(definition, node), node.names[0].name
-    if inner is None or node.names[0].index is not None or inner.slots or node.kind in definition.slots:
+    inner, name = file.models.get(node.kind), node.names[0].name
+    if inner is None or node.names[0].index is not None or slot_defaults(inner.model.statements):
         return None
     prefix = f"opened_{count}_"
     ports = {i.name for s in inner.model.statements if isinstance(s, tree.PortsSyntax) for i in s.items}
 
-    def choose(key: Key) -> str:
-        if key[:3] == inner.key()[:3] and len(key) == 4:
-            return prefix + key[3]
-        return key[-1]
+    def choose(name: DeclaredName) -> str:
+        return prefix + name.name if name.owner == (inner.name,) else name.name
 
     bound = {a.name: a.value for a in node.attributes}
-    inside = Renamer(choose).model(inner).statements
+    text = in_other_words(file.file.source.text, name_uses(file.file, (inner.model,)), choose)
+    inside = next(s.statements for s in parsed(text) if isinstance(s, tree.ModelSyntax) and s.name == inner.name)
 
     def keep(statements: Statements) -> Iterator[tree.SyntaxNode]:
         for s in statements:

@@ -17,8 +17,8 @@ import bondgraph
 from bondgraph.catalogue import example_of, parts_of
 from bondgraph.errors import RunFailed
 from compiler.api import CompilationFailed, Source, scene_of
-from compiler.metamorphosis.changing import parsed
 from compiler.metamorphosis.printing import text_of
+from compiler.metamorphosis.renaming import parsed
 from compiler.metamorphosis.scaling import Powers
 from tests.compiling import LIBRARY, MODELS
 from tests.second_opinion.random_models import Example, mechanism, network

@@ -6,21 +6,26 @@ import re
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, fields, replace
 
-from compiler.api import ELEMENT_KINDS, FileScope, ModelDefinition, Span, slot_defaults, tree
-
-from .names import (
+from ...source import Span
+from ...syntax import tree
+from .declared_names import (
     DeclaredName,
     NameTable,
     arguments_of,
     declared_by,
     file_names,
+    members_of,
     model_name,
     name_span,
     parts_of,
     ports_of,
     table_of,
 )
+from .domain_table import ELEMENT_KINDS, is_slot, slot_defaults
+from .scope import FileScope, ModelDefinition
 
+READ_BY_LAWS = ("parameter", "constant", "input", "signal", "solve", "mode", "index", "argument")  # kinds of numbers
+_WORDED = ("prefer", "require", "axes")  # attributes whose values are words of the language
 _STEP = re.compile(r"\[|\]|\.\s*([A-Za-z_]\w*)", re.ASCII)
 
 
@@ -53,9 +58,14 @@ class _Home:
         return replace(self, names={**self.names, **names})
 
 
-def occurrences(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Iterator[NameUse]:
+def name_uses(file: FileScope, statements: tuple[tree.SyntaxNode, ...]) -> Iterator[NameUse]:
     """Yield the occurrences of all names in the statements of a file."""
     return _uses(statements, _Home(file, file_names(file)))
+
+
+def name_uses_in_path(definition: ModelDefinition, path: tree.PathSyntax) -> Iterator[NameUse]:
+    """Yield the occurrences of names in a path that is read in a model."""
+    return _path(path, _Home(definition.file, {**file_names(definition.file), **table_of(definition.model)}))
 
 
 def words_of_path(path: tree.PathSyntax) -> list[tuple[str, Span]]:
@@ -72,7 +82,7 @@ def words_of_path(path: tree.PathSyntax) -> list[tuple[str, Span]]:
     return words
 
 
-def inside(name: DeclaredName, file: FileScope) -> tuple[NameTable, FileScope]:
+def names_inside(name: DeclaredName, file: FileScope) -> tuple[NameTable, FileScope]:
     """Names that follow a name after a point, and the file in whose words they are meant."""
     if name.kind == "instance":
         definition = model_of(name, file)
@@ -81,7 +91,10 @@ def inside(name: DeclaredName, file: FileScope) -> tuple[NameTable, FileScope]:
         return parts_of(name.node, name.owner), file
     if name.kind == "element":
         return ports_of(name), file
-    return {}, file
+    node = name.node  # a set, or a parameter that stands for one: its members are those of the default
+    if isinstance(node, tree.Item) and is_slot(node, "parameters") and isinstance(node.value, tree.PathSyntax):
+        node = file.sets[node.value.head].syntax if node.value.head in file.sets else node
+    return (members_of(node) if isinstance(node, tree.ParameterSet) else {}), file
 
 
 def model_of(name: DeclaredName, file: FileScope) -> ModelDefinition | None:
@@ -121,7 +134,7 @@ def _uses(node: object, home: _Home) -> Iterator[NameUse]:
             yield from _uses(node.statements, replace(home.also(parts), owner=(*home.owner, node.name)))
         case tree.ParameterSet():
             yield from _defined(home, node.name, node.span)
-            yield from _uses(tuple(item.value for item in node.items), home)
+            yield from _uses(node.items, home.also(members_of(node)))
         case tree.FunctionSyntax():
             yield from _defined(home, node.name, node.span)
             arguments = arguments_of(node, home.owner)
@@ -132,7 +145,9 @@ def _uses(node: object, home: _Home) -> Iterator[NameUse]:
             yield from _uses(node.value, home)
         case tree.Call():
             span = name_span(node.span, node.function)
-            yield NameUse(span, home.names.get(node.function), kind="function")
+            function = home.names.get(node.function)
+            own = function is not None and function.kind == "function"
+            yield NameUse(span, function if own else None, kind="function")
             yield from _uses(node.arguments, home)
         case tree.Unit():
             yield from (NameUse(span, None, kind="unit") for _, _, span in node.factors)
@@ -198,7 +213,7 @@ def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[NameUse
             continue
         yield NameUse(name_span(declared.span, declared.name), name, True)
         yield from _uses((declared.index, *(c.width for c in declared.components)), home)
-        inner, file = inside(name, home.file)
+        inner, file = names_inside(name, home.file)
         if name.kind == "element":
             yield from (NameUse(c.span, c, True) for c in inner.values())
         elif name.kind == "instance":
@@ -210,7 +225,8 @@ def _declaration(declaration: tree.Declaration, home: _Home) -> Iterator[NameUse
         named = target.names.get(attribute.name) if target is not home else None
         yield NameUse(span, named, kind="attribute")
         yield from _uses(attribute.target, replace(home, names=inner, in_law=True))
-        yield from _value(attribute.value, {*_choices(named)}, home)
+        own = isinstance(attribute.value, tree.PathSyntax) and target is home and attribute.name in _WORDED
+        yield from _value(attribute.value, {attribute.value.span.words} if own else {*_choices(named)}, home)
 
 
 def _experiment(experiment: tree.Experiment, home: _Home) -> Iterator[NameUse]:
@@ -235,8 +251,11 @@ def _path(path: tree.PathSyntax, home: _Home) -> Iterator[NameUse]:
     yield from _uses(path.steps, home)
     words = words_of_path(path)
     names: Mapping[str, DeclaredName] = home.names
-    if home.letters and words[0][0] in home.letters:
+    head = names.get(path.head)
+    if home.letters and path.head in home.letters:
         names = home.letters  # type: ignore[assignment]
+    elif home.in_law and not path.steps and head is not None and head.kind not in READ_BY_LAWS:
+        names = {}  # a letter, though an element or an output is called as it is
     file = home.file
     for number, (word, span) in enumerate(words):
         name = names.get(word)
@@ -247,7 +266,7 @@ def _path(path: tree.PathSyntax, home: _Home) -> Iterator[NameUse]:
             names = {}
             continue
         yield NameUse(span, name, reading=_reading(path, span))
-        names, file = inside(name, file)
+        names, file = names_inside(name, file)
 
 
 def _reading(path: tree.PathSyntax, span: Span) -> str:

@@ -9,7 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from compiler.api import ELEMENT_KINDS, FileScope, ModelDefinition, Span, tree
+from ...source import Span
+from ...syntax import tree
+from .domain_table import ELEMENT_KINDS
+from .scope import FileScope, ModelDefinition
 
 _TABLES_KEPT = 2048
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
@@ -144,6 +147,11 @@ def _kind_of(declaration: tree.Declaration, owner: tuple[str, ...]) -> str:
     if declaration.kind in ("0", "1", "splitter"):
         return "junction"
     return "element" if declaration.kind in ELEMENT_KINDS else "instance"
+
+
+def members_of(defined: tree.ParameterSet) -> NameTable:
+    """Names of the members of a set of parameters."""
+    return {i.name: declared_by(i, (defined.name,), "member", "", i.description) for i in defined.items}
 
 
 def ports_of(element: DeclaredName) -> NameTable:
