@@ -24,7 +24,7 @@ from ...syntax.blocks import nodes_in
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, UnknownName, WrongExperiment, WrongType
 from ..names.scope import STATIC_ROLES, Scalar, Scope
-from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
+from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, wrong_unit
 from ..network.elaborate import Elaborator
 from .distributions import read_montecarlo
 from .measurements import read_headings
@@ -194,8 +194,7 @@ def _over_time(elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope
         raise Wrong(WrongType(value.span, "A single number", "a list"))
     found = template.value.dimension
     if found is not None and found != wanted:
-        what = f"`{name}` is {describe(wanted)}, but `{value.span.text}` is {describe(found)}"
-        raise Wrong(DimensionMismatch(value.span, what, unit_hint(found, wanted, value)))
+        raise wrong_unit(f"`{name}`", wanted, value, found)
     own = _own_functions(value, root)
     if own:
         hint = "Write out what it stands for: a path is an expression of time, numbers and parameters."

@@ -12,9 +12,9 @@ from ...syntax.blocks import flat
 from ..expressions.lists import parts_of
 from ..expressions.scales import scale_of
 from ..names.domain_table import paths_of
-from ..names.errors import DimensionMismatch, NotStatic, UnknownName, WrongExperiment, WrongValue
-from ..names.scope import STATIC_ROLES, Scalar, Scope
-from ..names.statement_errors import Wrong, describe, suggestion, unit_hint
+from ..names.errors import UnknownName, WrongExperiment, WrongValue
+from ..names.scope import Scalar, Scope
+from ..names.statement_errors import Wrong, suggestion, wrong_unit
 from ..network.elaborate import Elaborator
 from .step_attributes import expressions_of, read_attributes, word
 
@@ -44,13 +44,10 @@ def read_sweep(
             values.append(_choice(value, name, entry.choices))
             continue
         template = elaborator.template(value, root, unit)
-        for slot in template.slots:
-            if elaborator.scalar_at(slot, root).role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, "A swept value", slot.words))
+        elaborator.require_static(template, root, "A swept value")
         for part, formula in zip(parts_of(template.value), template.formulas, strict=True):
             if part.dimension is not None and entry.dimension is not None and part.dimension != entry.dimension:
-                what = f"`{name}` is {describe(entry.dimension)}, but `{value.span.text}` is {describe(part.dimension)}"
-                raise Wrong(DimensionMismatch(value.span, what, unit_hint(part.dimension, entry.dimension, value)))
+                raise wrong_unit(f"`{name}`", entry.dimension, value, part.dimension)
             number = elaborator.value_of(elaborator.bind(template, formula, root), value.span)
             if number is None:
                 raise Wrong(WrongExperiment(value.span, "A swept value is known before the run", "Write numbers."))

@@ -11,6 +11,7 @@ from ...errors import Diagnostic
 from ...graph.units import ONE, Dimension
 from ...syntax import tree
 from .compound_units import ambiguous_products
+from .errors import DimensionMismatch
 
 MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is slow
 
@@ -60,6 +61,12 @@ def unit_hint(found: Dimension | None, wanted: Dimension | None, written: tree.E
         return f"Write a quantity in [{wanted}], as `2 [{wanted}]`."
     otherwise = "Check the units of the names in it, and whether a factor is missing."
     return otherwise if written is None else reading_of(written) or otherwise
+
+
+def wrong_unit(what: str, wanted: Dimension | None, value: tree.ExpressionSyntax, found: Dimension | None) -> Wrong:
+    """Error for an expression in another unit than that of `what`."""
+    sentence = f"{what} is {describe(wanted)}, but `{value.span.text}` is {describe(found)}"
+    return Wrong(DimensionMismatch(value.span, sentence, unit_hint(found, wanted, value)))
 
 
 def reading_of(written: tree.ExpressionSyntax) -> str:

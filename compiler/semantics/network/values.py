@@ -12,9 +12,9 @@ from ...graph.units import ONE
 from ...syntax import tree
 from ..expressions.lists import parts_of, shape_of, shaped, sort_of
 from ..expressions.template import Typed
-from ..names.errors import DimensionMismatch, NotStatic, WrongType
-from ..names.scope import STATIC_ROLES, Items, Scalar, Scope
-from ..names.statement_errors import Wrong, describe, suggestion, unit_hint
+from ..names.errors import WrongType
+from ..names.scope import Items, Scalar, Scope
+from ..names.statement_errors import Wrong, suggestion, wrong_unit
 from .elaborate import Elaborator
 
 
@@ -51,9 +51,8 @@ def read_values(
         raise Wrong(WrongType(value.span, sort_of(alike).capitalize(), sort_of(template.value)))
     for target, typed in zip(targets, parts, strict=True):
         _check_kind(value, scope, target, typed, what)
-    for slot in template.slots if static else ():
-        if elaborator.scalar_at(slot, scope).role not in STATIC_ROLES:
-            raise Wrong(NotStatic(slot.path.span, what, slot.words))
+    if static:
+        elaborator.require_static(template, scope, what)
     numbers = (
         Formula(len(template.slots), select(t.expression, TRUE, ZERO)) if t.truth else f
         for t, f in zip(parts, template.formulas, strict=True)
@@ -69,5 +68,4 @@ def _check_kind(value: tree.ExpressionSyntax, scope: Scope, target: Scalar, type
         raise Wrong(WrongType(value.span, kinds[0], kinds[1], f"{what} is {kinds[0].lower()}: `… = {example}`."))
     wanted = target.dimension or ONE
     if not scope.plain and typed.dimension not in (None, wanted):
-        text = f"{what} is {describe(wanted)}, but `{value.span.text}` is {describe(typed.dimension)}"
-        raise Wrong(DimensionMismatch(value.span, text, unit_hint(typed.dimension, wanted, value)))
+        raise wrong_unit(what, wanted, value, typed.dimension)

@@ -14,7 +14,7 @@ from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_of
 from ..expressions.template import Typed, Value
-from ..names.errors import DimensionMismatch, NotStatic, WrongType
+from ..names.errors import DimensionMismatch, WrongType
 from ..names.scope import STATIC_ROLES, Items, Pending, Scalar, Scope
 from ..names.statement_errors import Wrong, describe, unit_hint
 from .elaboration_cache import ElaborationCache
@@ -158,9 +158,7 @@ class MemoryResolver(Resolver):
         bound = Bound(constant(0.0), ())
         for start in call.arguments[3:]:
             template, bound = read_condition(self, start, scope, "It is on or off at the start: `true` or `false`.")
-            for slot in template.slots:
-                if self.scalar_at(slot, scope).role not in STATIC_ROLES:
-                    raise Wrong(NotStatic(slot.path.span, "The start of a `hysteresis`", slot.words))
+            self.require_static(template, scope, "The start of a `hysteresis`")
         name = self._free_name(call, scope)
         self.quantities[name] = Named(name, "mode", "1", bound, None, call.span, "")
         self.relays.append((name, call, scope))
@@ -274,9 +272,7 @@ class MemoryResolver(Resolver):
                     hint = f"Give its start the unit: `0 [{value.dimension * SECOND}]`."
                 raise Wrong(DimensionMismatch(part.span, what, hint))
             bounds.append(self.bind(template, template.formulas[number or 0], scope))
-        for slot in self.template(call.arguments[1], scope).slots:
-            if self.scalar_at(slot, scope).role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, "The start of an integral", slot.words))
+        self.require_static(self.template(call.arguments[1], scope), scope, "The start of an integral")
         self.value_of(bounds[1], call.arguments[1].span, decides=False)
         return Integral(name, bounds[0], bounds[1], call.span)
 

@@ -16,7 +16,7 @@ from ...syntax import tree
 from ..expressions.expression_compiler import MEMORIES
 from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_of
 from ..expressions.scales import scale_of
-from ..expressions.template import Template, Typed, Value
+from ..expressions.template import Typed, Value
 from ..names.domain_table import paths_of
 from ..names.errors import (
     Cycle,
@@ -28,8 +28,8 @@ from ..names.errors import (
     WrongType,
     WrongValue,
 )
-from ..names.scope import STATIC_ROLES, Array, InstanceEntry, Items, Pending, Scalar, Scope
-from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
+from ..names.scope import Array, InstanceEntry, Items, Pending, Scalar, Scope
+from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint, wrong_unit
 from .elaboration_cache import ElaborationCache
 from .memories import MemoryResolver, constant
 from .resolver import SHOWN
@@ -297,7 +297,7 @@ class QuantityResolver(MemoryResolver):
         guesses = self.guesses
         template = self.template(value, scope, unit)
         if pending.role in UNCHANGING_ROLES:
-            self._require_static(template, scope, pending)
+            self.require_static(template, scope, _known(pending))
         units = self._checked_units(pending, template.value, value, declared)
         if declared is None and self.guesses > guesses:
             units = [part.dimension for part in parts_of(template.value)]
@@ -368,12 +368,6 @@ class QuantityResolver(MemoryResolver):
             raise Wrong(DimensionMismatch(value.span, what, hint))
         return units
 
-    def _require_static(self, template: Template, scope: Scope, pending: Pending) -> None:
-        for slot in template.slots:
-            scalar = self.scalar_at(slot, scope)
-            if scalar.role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, _known(pending), slot.words))
-
     def _enter_quantity(
         self, pending: Pending, suffix: str, bound: Bound, dimension: Dimension | None, span: Span
     ) -> Scalar:
@@ -400,14 +394,12 @@ class QuantityResolver(MemoryResolver):
                 bound = Bound(constant(override), ())
             else:
                 template = self.template(override, self.root)
-                self._require_static(template, self.root, pending)
+                self.require_static(template, self.root, _known(pending))
                 found = self._dimension(template.value)
                 if isinstance(template.value, tuple):
                     raise Wrong(WrongType(override.span, f"A single number for `{name}`", "a list"))
                 if found is not None and found != dimension:
-                    what = f"`{name}` is {describe(dimension)}, but `{override.span.text}` is {describe(found)}"
-                    hint = unit_hint(found, dimension, override)
-                    raise Wrong(DimensionMismatch(override.span, what, hint))
+                    raise wrong_unit(f"`{name}`", dimension, override, found)
                 bound = self.bind(template, template.formulas[0], self.root)
         value = self.value_of(bound, span, decides=False) if role in ("parameter", "constant") else None
         if role == "constant" and value is not None and _reads_nothing(bound):

@@ -31,7 +31,6 @@ from ..expressions.template import Check, CompiledLaw, Readable, Slot, Template,
 from ..names.errors import (
     NO_NAMES,
     AbsentName,
-    DimensionMismatch,
     NotStatic,
     NoValue,
     TooManyMistakes,
@@ -69,7 +68,7 @@ from ..names.scope import (
     WallEntry,
     indexed,
 )
-from ..names.statement_errors import MAXIMUM_MISTAKES, AlreadyTold, Wrong, describe, reason_of, suggestion, unit_hint
+from ..names.statement_errors import MAXIMUM_MISTAKES, AlreadyTold, Wrong, reason_of, suggestion, wrong_unit
 from .elaboration_cache import ElaborationCache
 
 SHOWN = 60  # characters of a line in an error
@@ -147,13 +146,8 @@ class Resolver(ABC):
         if not isinstance(typed, Typed):
             raise Wrong(WrongType(expression.span, "A single number", "a list"))
         if typed.dimension is not None and typed.dimension != dimension:
-            what = f"{what} is {describe(dimension)}, but `{expression.span.text}` is {describe(typed.dimension)}"
-            hint = unit_hint(typed.dimension, dimension, expression)
-            raise Wrong(DimensionMismatch(expression.span, what, hint))
-        for slot in template.slots:
-            scalar = self.scalar_at(slot, scope)
-            if scalar.role not in STATIC_ROLES:
-                raise Wrong(NotStatic(slot.path.span, what, slot.words))
+            raise wrong_unit(what, dimension, expression, typed.dimension)
+        self.require_static(template, scope, what)
         bound = self.bind(template, template.formulas[0], scope)
         if structural:
             self.structural |= quantities_in(bound)
@@ -162,6 +156,12 @@ class Resolver(ABC):
             self.need_no_values()
             raise AlreadyTold
         return value
+
+    def require_static(self, template: Template, scope: Scope, what: str) -> None:
+        """Raise `Wrong` if an expression reads a quantity that changes during a run; `what`: the place of the expression, in words."""
+        for slot in template.slots:
+            if self.scalar_at(slot, scope).role not in STATIC_ROLES:
+                raise Wrong(NotStatic(slot.path.span, what, slot.words))
 
     def need_no_values(self) -> None:
         """Raise `ValuesNeeded` if a decision depends on values that only a run knows."""

@@ -13,7 +13,6 @@ from ..expressions.expression_compiler import BUILT_IN
 from ..names.compound_units import NAMED, names_in
 from ..names.domain_table import ELEMENT_KINDS, paths_of
 from ..names.errors import (
-    NotStatic,
     UnknownAttribute,
     UnknownFunction,
     UnknownKind,
@@ -22,7 +21,7 @@ from ..names.errors import (
     WrongStructure,
 )
 from ..names.part_kinds import kinds_of
-from ..names.scope import STATIC_ROLES, Absent, Broken, Entry, FileScope, ModelDefinition, Scope
+from ..names.scope import Absent, Broken, Entry, FileScope, ModelDefinition, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from .declarations import Declarations
 from .resolver import Resolver, read_condition
@@ -92,9 +91,7 @@ def _holds(resolver: Resolver, condition: tree.ExpressionSyntax, scope: Scope) -
             hint = "What changes during a run is for `if … else` in a law, `when`, or `active` of a junction."
             raise Wrong(WrongStructure(path.span, what, hint))
     template, bound = read_condition(resolver, condition, scope, _CONDITION)
-    for slot in template.slots:
-        if resolver.scalar_at(slot, scope).role not in STATIC_ROLES:
-            raise Wrong(NotStatic(slot.path.span, "A condition on parts", slot.words))
+    resolver.require_static(template, scope, "A condition on parts")
     value = resolver.value_of(bound, condition.span)
     if value is None:
         resolver.need_no_values()
