@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .causality.assign import demands as demanded_strokes
     from .causality.strokes import Contradiction, Stroke, StrokeOrigin, Strokes
     from .certificate import Certificate
-    from .chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
+    from .chance import DISTRIBUTIONS, SPREAD, Distribution, fault, kinds_told
     from .codegen.c.write import ARGUMENTS as C_ARGUMENTS
     from .codegen.c.write import write_library_c
     from .codegen.c.single_precision import in_single_precision
@@ -81,8 +81,8 @@ if TYPE_CHECKING:
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace, TearingVariable
     from .scene import (
-        Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan, Reported,
-        RunMetadata, Scene, Study, full_name,
+        Analysis, BoundedParameter, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan,
+        Reported, RunMetadata, Scene, Study, full_name,
     )  # fmt: skip
     from .semantics import MAXIMUM_PARTS
     from .semantics.expressions.expression_compiler import MEMORIES

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+
+from .fast_dataclass import dataclass
 
 DISTRIBUTIONS = {
     "normal": ("mean", "standard deviation"),
@@ -14,11 +15,21 @@ DISTRIBUTIONS = {
 SPREAD = "standard deviation"  # a difference, of temperatures one without their zero
 
 
-def fault(kind: str, numbers: Sequence[float], low: float = -math.inf, high: float = math.inf) -> str:
-    """Reason why there is no such distribution, truncated at `low` and `high`; "" if there is one."""
-    if not all(map(math.isfinite, numbers)):
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """One of `DISTRIBUTIONS` with its numbers in SI; truncated at `low` and `high`."""
+
+    kind: str
+    numbers: tuple[float, ...]
+    low: float = -math.inf
+    high: float = math.inf
+
+
+def fault(given: Distribution) -> str:
+    """Reason why there is no such distribution; "" if there is one."""
+    if not all(map(math.isfinite, given.numbers)):
         return "a distribution has finite numbers"
-    match kind, tuple(numbers):
+    match given.kind, given.numbers:
         case "normal" | "lognormal", (_, spread) if not spread > 0:
             return f"a standard deviation is larger than zero, not {spread:g}"
         case "lognormal", (mean, _) if not mean > 0:
@@ -27,8 +38,8 @@ def fault(kind: str, numbers: Sequence[float], low: float = -math.inf, high: flo
             return f"uniform goes from low to high; {first:g} is not below {last:g}"
         case "triangular", (first, mode, last) if not (first <= mode <= last and first < last):
             return f"triangular goes from low by the most likely to high; this is {first:g}, {mode:g}, {last:g}"
-    if not low < high:
-        return f"truncated from low to high; {low:g} is not below {high:g}"
+    if not given.low < given.high:
+        return f"truncated from low to high; {given.low:g} is not below {given.high:g}"
     return ""
 
 

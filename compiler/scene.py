@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from .source import Span
 
 if TYPE_CHECKING:
     from .algebra.expression import Expression as Formula
+    from .chance import Distribution
     from .equations.products import Integrand
     from .graph.valves import Valve
     from .syntax.tree import ExpressionSyntax
@@ -151,21 +151,14 @@ class Inverting:
 
 
 @dataclass(frozen=True, slots=True)
-class RandomParameter:
-    """A distribution of a quantity: one of `DISTRIBUTIONS`, truncated at `low` and `high`, in SI."""
-
-    name: str
-    kind: str
-    numbers: tuple[float, ...]
-    low: float = -math.inf
-    high: float = math.inf
-
-
-@dataclass(frozen=True, slots=True)
 class MonteCarloRequest:
-    """`montecarlo`: the results of the other steps at `samples` points. `indices`: number of rows for Sobol indices."""
+    """`montecarlo`: the results of the other steps at `samples` points.
 
-    vary: tuple[RandomParameter, ...]
+    `vary`: parameters and their distributions (from Python also as texts). `indices`: number of rows for Sobol indices, a power of two; 0: none,
+    None: as many as samples up to 1024.
+    """
+
+    vary: tuple[tuple[str, Distribution | str], ...]
     correlations: tuple[tuple[tuple[str, str], float], ...] = ()
     samples: int = 1000
     seed: int = 0
@@ -174,13 +167,14 @@ class MonteCarloRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class FitParameter:
-    """A parameter that a fit determines between bounds in SI (None: it keeps its sign)."""
+class BoundedParameter:
+    """A parameter that a fit determines between bounds in SI (None: it keeps its sign); `start` None: its value in the model."""
 
     name: str
     low: float | None = None
     high: float | None = None
     logarithmic: bool = False
+    start: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +184,7 @@ class Fitting:
     `explain`: report which few parameters would suffice (None: if some remain undetermined).
     """
 
-    sought: tuple[FitParameter, ...]
+    sought: tuple[BoundedParameter, ...]
     files: tuple[str, ...]
     measured: tuple[str, ...]
     explain: bool | None = None

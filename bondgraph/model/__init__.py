@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from compiler.api import MonteCarloRequest
+
 from ..analysed_model import AnalysedModel
 from ..compiled_model import names_of, source_of
 from ..keywords import (
@@ -20,13 +22,13 @@ from ..keywords import (
 from .shown import STAGES, Shown
 
 if TYPE_CHECKING:
+    from compiler.api import BoundedParameter, Distribution
+
     from ..analysis.inversion.feed_forward import FeedForward
     from ..analysis.outcome import Outcome
     from ..results.ensemble import Ensemble
     from ..results.result import Result
     from ..simulation.run_options import RunRequest
-    from ..studies.distributions import Distribution
-    from ..studies.fit_problem import BoundedParameter
     from ..studies.fitted import Fit
     from ..studies.measured import Measurements
     from ..studies.scalar_study import ScalarStudy
@@ -100,12 +102,11 @@ class Model(Shown, AnalysedModel):
         `outputs`: only these; `to`: where runs end; `rtol`: their tolerance.
         Failed points are reported and not in the statistics. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if all fail.
         """
-        from ..studies.montecarlo import Chance, montecarlo
+        from ..studies.montecarlo import montecarlo
         from ..studies.workers import Workers, workers_of
 
-        chance = Chance(
-            vary, options.get("correlations") or {}, samples, options.get("seed", 0), options.get("indices")
-        )
+        pairs = tuple((options.get("correlations") or {}).items())
+        chance = MonteCarloRequest(tuple(vary.items()), pairs, samples, options.get("seed", 0), options.get("indices"))
         chosen = {name: options.get(name) for name in ("to", "rtol", "outputs")}
         request = _request(experiment, settings, chosen | {"points": 2 if "simulate" in of else None})
         return montecarlo(self, chance, _study(of, request), workers_of(workers, Workers()))

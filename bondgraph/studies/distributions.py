@@ -1,7 +1,7 @@
 """Distributions of parameters, from texts such as `normal(1.95 um, 50 nm)`, `truncated(normal(…), 1.8 um, 2.1 um)`.
 
-Each distribution has its quantile function (inverse of the distribution function). It converts quasi-random points in the unit cube, and
-correlations by a Gaussian copula, into values.
+The quantile function of each (inverse of the distribution function) converts quasi-random points in the unit cube, and correlations by a Gaussian
+copula, into values.
 """
 
 from __future__ import annotations
@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from compiler.api import DISTRIBUTIONS, SPREAD, Array, fault, kinds_told
+from compiler.api import DISTRIBUTIONS, SPREAD, Array, Distribution, fault, kinds_told
 
 from ..errors import UsageError
 from ..quantities import quantity
@@ -23,41 +22,28 @@ EDGE = 2.0**-53  # distance from the edge of the cube, where an unbounded distri
 _CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
 
 
-@dataclass(frozen=True, slots=True)
-class Distribution:
-    """One of `DISTRIBUTIONS` with its numbers in SI; truncated at `low` and `high`."""
+def quantiles(given: Distribution, shares: Array) -> Array:
+    """Return the quantiles at these probabilities."""
+    frozen = _frozen(given)
+    first, last = float(frozen.cdf(given.low)), float(frozen.cdf(given.high))
+    shares = np.clip(first + shares * (last - first), EDGE, 1 - EDGE)
+    return np.asarray(np.clip(frozen.ppf(shares), given.low, given.high))
 
-    kind: str
-    numbers: tuple[float, ...]
-    low: float = -math.inf
-    high: float = math.inf
 
-    def quantiles(self, shares: Array) -> Array:
-        """Return the quantiles at these probabilities."""
-        frozen = self._frozen()
-        first, last = float(frozen.cdf(self.low)), float(frozen.cdf(self.high))
-        shares = np.clip(first + shares * (last - first), EDGE, 1 - EDGE)
-        return np.asarray(np.clip(frozen.ppf(shares), self.low, self.high))
+def _frozen(given: Distribution) -> Any:
+    from scipy import stats
 
-    @property
-    def median(self) -> float:
-        """Median of the distribution."""
-        return float(self.quantiles(np.array([0.5]))[0])
-
-    def _frozen(self) -> Any:
-        from scipy import stats
-
-        match self.kind, self.numbers:
-            case "normal", (mean, spread):
-                return stats.norm(mean, spread)
-            case "lognormal", (mean, spread):
-                sigma = math.sqrt(math.log1p((spread / mean) ** 2))
-                return stats.lognorm(sigma, scale=mean * math.exp(-(sigma**2) / 2))
-            case "uniform", (low, high):
-                return stats.uniform(low, high - low)
-            case _, (low, mode, high):
-                return stats.triang((mode - low) / (high - low), low, high - low)
-        raise AssertionError(self.kind)
+    match given.kind, given.numbers:
+        case "normal", (mean, spread):
+            return stats.norm(mean, spread)
+        case "lognormal", (mean, spread):
+            sigma = math.sqrt(math.log1p((spread / mean) ** 2))
+            return stats.lognorm(sigma, scale=mean * math.exp(-(sigma**2) / 2))
+        case "uniform", (low, high):
+            return stats.uniform(low, high - low)
+        case _, (low, mode, high):
+            return stats.triang((mode - low) / (high - low), low, high - low)
+    raise AssertionError(given.kind)
 
 
 def distribution(text: str, unit: str, name: str) -> Distribution:
@@ -97,10 +83,10 @@ def _truncated(parts: Sequence[str], unit: str, name: str, text: str) -> Distrib
 
 def checked(found: Distribution, name: str) -> Distribution:
     """Return the same distribution, if it is valid. Raises `UsageError`."""
-    wrong = fault(found.kind, found.numbers, found.low, found.high)
+    wrong = fault(found)
     if wrong:
         raise UsageError("BR405", f"{name}: {wrong}")
-    ends = found._frozen().cdf([found.low, found.high])
+    ends = _frozen(found).cdf([found.low, found.high])
     if not ends[1] - ends[0] > 1e-12:
         raise UsageError("BR406", f"{name}: nothing of the distribution lies between {found.low:g} and {found.high:g}")
     return found

@@ -11,10 +11,8 @@ from compiler.api import Analysis, Differentiating, Fitting, Inverting, Lineariz
 
 from ..analysed_model import AnalysedModel
 from ..analysis.outcome import Point
-from ..batch.together import is_together, simulate_together
 from ..simulation.repetition import simulate
 from ..simulation.run_options import RunRequest
-from .distributions import Distribution
 from .scalar_study import STEPS, ScalarStudy
 from .workers import ALONE, Workers
 
@@ -23,18 +21,17 @@ if TYPE_CHECKING:
 
     from ..analysed_model import AnalysedModel
     from ..keywords import ExperimentKeywords
+    from ..results.result import Result
     from ..simulation.settings import Settings
     from .fitted import Fit
     from .scalar_study import ScalarStudy
-    from .tolerances import MonteCarlo
     from .workers import Workers
 
 
 def _fitted(model: AnalysedModel, step: Fitting, experiment: str | None, settings: Settings) -> Fit:
     from .fit import fit
-    from .fit_problem import BoundedParameter
 
-    sought = {s.name: BoundedParameter(s.name, s.low, s.high, s.logarithmic) for s in step.sought}
+    sought = {s.name: s for s in step.sought}
     folder = model.source.path.parent if model.source.path is not None else Path()
     return fit(model, [folder / f for f in step.files], sought, experiment, settings, step.explain)
 
@@ -90,15 +87,6 @@ def differentiated(
     return [*found, *linear]
 
 
-def varied(model: AnalysedModel, step: MonteCarloRequest, study: ScalarStudy, workers: Workers) -> MonteCarlo:
-    """Return the Monte Carlo study of the results of the other steps."""
-    from .montecarlo import Chance, montecarlo
-
-    vary = {d.name: Distribution(d.kind, d.numbers, d.low, d.high) for d in step.vary}
-    chance = Chance(vary, dict(step.correlations), step.samples, step.seed, step.indices)
-    return montecarlo(model, chance, study, workers)
-
-
 @dataclass(frozen=True, slots=True)
 class ExperimentStudy:
     """Experiment study: all results of an experiment or a sweep at a point, that is analyses and a run."""
@@ -115,19 +103,19 @@ class ExperimentStudy:
         of = tuple(dict.fromkeys(s.role for s in studies if s.role in STEPS)) + ("simulate",) * self.simulates
         study = ScalarStudy(of, run)
         if chance is not None:  # Monte Carlo evaluates all other steps
-            return Point(point, analyses=((chance.role, varied(model, chance, study, workers)),))
+            from .montecarlo import montecarlo
+
+            return Point(point, analyses=((chance.role, montecarlo(model, chance, study, workers)),))
         return self._point(model, Point(point), studies, study)
 
-    def answer_all(self, model: AnalysedModel, points: Sequence[Mapping[str, float]]) -> list[Point | None]:
-        """Return the results at points where there is a run only, for runs that are stepped together; None for the others."""
-        if self.studies or not self.simulates:
-            return [None] * len(points)
-        runs = simulate_together(model, self.run, points)
-        return [None if run is None else Point(point, run=run) for point, run in zip(points, runs, strict=True)]
+    @property
+    def only_run(self) -> RunRequest | None:
+        """Run of an experiment without analyses."""
+        return self.run if self.simulates and not self.studies else None
 
-    def is_batch(self, model: AnalysedModel, point: Mapping[str, float]) -> bool:
-        """Return True if such runs are stepped together."""
-        return not self.studies and self.simulates and is_together(model, self.run, point)
+    def of_run(self, point: Mapping[str, float], run: Result) -> Point:
+        """Return the point with its run."""
+        return Point(point, run=run)
 
     def _at(self, model: AnalysedModel, run: RunRequest) -> tuple[Analysis, ...]:
         """Return the steps, whose numbers may depend on swept values."""

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, BoundedParameter
 
 from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
-from .fit_problem import BoundedParameter, Problem, sought
+from .fit_problem import Problem, sought
 from .fitted import Fit, Fitted
 from .identify import OPEN, SearchEnd, directions, explanations, uncertainty
 from .measured import Measurements, read_measured

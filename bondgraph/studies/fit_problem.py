@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from compiler.api import Array, CompilationFailed
+from compiler.api import Array, BoundedParameter, CompilationFailed
 
 from ..analysis.operating_point import AnalysisRequest
 from ..analysis.placement import operating_point
@@ -21,17 +20,6 @@ from ..errors import RunFailed, UsageError
 from ..simulation.settings import Settings
 from .measured import OF_MODES, Measurements, Series
 from .point_failure import why
-
-
-@dataclass(frozen=True, slots=True)
-class BoundedParameter:
-    """Fit parameter with bounds in SI (None: it keeps its sign); `start` None: its value in the model."""
-
-    name: str
-    low: float | None = None
-    high: float | None = None
-    logarithmic: bool = False
-    start: float | None = None
 
 
 def sought(text: str, unit: str, name: str) -> BoundedParameter:

@@ -7,17 +7,16 @@ quantiles, the others at their medians. All points are shared among the workers 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, Distribution, MonteCarloRequest
 
 from ..errors import RunFailed, UsageError
 from ..simulation.run_options import DEFAULT_RTOL, check_run_options
 from ..simulation.settings import Settings
-from .distributions import Distribution, checked, distribution
+from .distributions import checked, distribution, quantiles
 from .indices import Indices, indices, mixed
 from .sampling import MOST_NAMES, correlation_matrix, cube, values_of
 from .scalar_study import Failed, ScalarStudy, check_steps, compilation_notes, units_of
@@ -35,29 +34,15 @@ TAILS = 0.1, 0.9  # quantiles of a parameter in the tornado
 MOST_SAMPLES = 10_000_000
 
 
-@dataclass(frozen=True)
-class Chance:
-    """Random parameters and the sampling of them.
-
-    `rows`: number of rows for Sobol indices, a power of two; 0: none, None: as many as samples up to 1024.
-    """
-
-    vary: Mapping[str, str | Distribution]
-    correlations: Mapping[tuple[str, str], float]
-    samples: int
-    seed: int
-    rows: int | None
-
-
-def montecarlo(model: AnalysedModel, chance: Chance, study: ScalarStudy, workers: Workers) -> MonteCarlo:
+def montecarlo(model: AnalysedModel, chance: MonteCarloRequest, study: ScalarStudy, workers: Workers) -> MonteCarlo:
     """Run the study. Raises `UsageError`, `CompilationFailed`, and `RunFailed` if no point of the sample has a result."""
     check_steps(study.of, "a study with chance")
     check_run_options(study.run.options)
     _check(chance, study.run.settings)
-    units = units_of(model, tuple(chance.vary), study.run.experiment, study.run.settings)
-    names = tuple(chance.vary)
-    given = [distribution(d, units[n], n) if isinstance(d, str) else checked(d, n) for n, d in chance.vary.items()]
-    correlation = correlation_matrix(names, chance.correlations)
+    names = tuple(name for name, _ in chance.vary)
+    units = units_of(model, names, study.run.experiment, study.run.settings)
+    given = [distribution(d, units[n], n) if isinstance(d, str) else checked(d, n) for n, d in chance.vary]
+    correlation = correlation_matrix(names, dict(chance.correlations))
     rows = 0 if correlation is not None else _rows(chance)
     shares = cube(chance.samples, 2 * len(names) if rows else len(names), chance.seed)
     sample = values_of(shares[:, : len(names)], given, correlation)
@@ -92,36 +77,36 @@ def montecarlo(model: AnalysedModel, chance: Chance, study: ScalarStudy, workers
     )  # fmt: skip
 
 
-def _check(chance: Chance, settings: Settings) -> None:
+def _check(chance: MonteCarloRequest, settings: Settings) -> None:
     if not chance.vary:
         raise UsageError("BR438", "nothing varies:", "name a parameter and its distribution")
     if len(chance.vary) > MOST_NAMES:
         raise UsageError("BR439", f"at most {MOST_NAMES} parameters vary at once; these are {len(chance.vary)}")
     if not 2 <= chance.samples <= MOST_SAMPLES:
         raise UsageError("BR440", f"samples = {chance.samples}: from 2 to {MOST_SAMPLES}")
-    if chance.rows is not None and (chance.rows < 0 or chance.rows & (chance.rows - 1)):
-        raise UsageError("BR441", f"Sobol indices stand on a power of two of rows, or on none; not on {chance.rows}")
-    if chance.rows is not None and chance.rows > chance.samples:
+    if chance.indices is not None and (chance.indices < 0 or chance.indices & (chance.indices - 1)):
+        raise UsageError("BR441", f"Sobol indices stand on a power of two of rows, or on none; not on {chance.indices}")
+    if chance.indices is not None and chance.indices > chance.samples:
         raise UsageError(
-            "BR442", f"Sobol indices stand on {chance.rows} rows, but there are only {chance.samples} samples"
+            "BR442", f"Sobol indices stand on {chance.indices} rows, but there are only {chance.samples} samples"
         )
-    both = sorted(set(chance.vary) & set(settings))
+    both = sorted({name for name, _ in chance.vary} & set(settings))
     if both:
         raise UsageError("BR443", f"`{both[0]}` is set and varies:", "one of the two")
 
 
-def _rows(chance: Chance) -> int:
-    if chance.rows is not None:
-        return chance.rows
+def _rows(chance: MonteCarloRequest) -> int:
+    if chance.indices is not None:
+        return chance.indices
     return 1 << (min(chance.samples, MOST_INDICES).bit_length() - 1)
 
 
 def _tornado_points(given: Sequence[Distribution]) -> Array:
     """Return the point with all parameters at their medians; then those with each at its two tails."""
-    middle = np.array([d.median for d in given])
+    middle = np.array([quantiles(d, np.array([0.5]))[0] for d in given])
     rows = [middle]
     for j, one in enumerate(given):
-        for value in one.quantiles(np.array(TAILS)):
+        for value in quantiles(one, np.array(TAILS)):
             row = middle.copy()
             row[j] = value
             rows.append(row)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
 from ..analysed_model import AnalysedModel
+from ..results.result import Result
+from ..simulation.run_options import RunRequest
 
 Answers = dict[int, Any]  # results by the index of the point
 TimedReport = tuple[Answers, float]  # results of a worker, and the time in s that they took
@@ -21,14 +23,15 @@ class PointRequest(Protocol):
 
 @runtime_checkable
 class BatchRequest(PointRequest, Protocol):
-    """Request that may be answered at several points together, in threads of this process."""
+    """Request that may be a run alone at each point: such runs are stepped together, in threads of this process."""
 
-    def answer_all(self, model: AnalysedModel, points: Sequence[Any]) -> list[Any]:
-        """Return the results at some points; None at a point that is to be answered alone."""
+    @property
+    def only_run(self) -> RunRequest | None:
+        """Run that is all the request asks for; None if it asks for more."""
         ...
 
-    def is_batch(self, model: AnalysedModel, point: Any) -> bool:
-        """Return True if points like this one are answered together."""
+    def of_run(self, point: Any, run: Result) -> Any:
+        """Return the result at a point from its run."""
         ...
 
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ..analysed_model import AnalysedModel
-from ..batch.together import is_together, simulate_together
 from ..results.ensemble import Ensemble
 from ..results.result import Result
 from ..simulation.repetition import simulate
@@ -25,13 +24,14 @@ class RunStudy:
         """Return the result of a run."""
         return simulate(model, self.run.at(point))
 
-    def answer_all(self, model: AnalysedModel, points: Sequence[Mapping[str, str | float]]) -> list[Result | None]:
-        """Return the results of runs that are stepped together; None for the others."""
-        return simulate_together(model, self.run, points)
+    @property
+    def only_run(self) -> RunRequest:
+        """Run that is all there is at a point."""
+        return self.run
 
-    def is_batch(self, model: AnalysedModel, point: Mapping[str, str | float]) -> bool:
-        """Return True if such runs are stepped together."""
-        return is_together(model, self.run, point)
+    def of_run(self, point: Mapping[str, str | float], run: Result) -> Result:
+        """Return the run as it is."""
+        return run
 
 
 def simulate_many(

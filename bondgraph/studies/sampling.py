@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, Distribution
 
 from ..errors import UsageError
-from .distributions import EDGE, Distribution
+from .distributions import EDGE, quantiles
 
 MOST_NAMES = 1000
 IMPOSSIBLE = -1e-10  # an eigenvalue below it is more than rounding
@@ -64,4 +64,4 @@ def values_of(shares: Array, distributions: Sequence[Distribution], correlation:
         values, vectors = np.linalg.eigh(correlation)
         root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # symmetric root, also of singular matrices
         shares = ndtr(ndtri(np.clip(shares, EDGE, 1 - EDGE)) @ root)
-    return np.stack([d.quantiles(shares[:, j]) for j, d in enumerate(distributions)], axis=1)
+    return np.stack([quantiles(d, shares[:, j]) for j, d in enumerate(distributions)], axis=1)

@@ -14,7 +14,6 @@ from ..analysis.movable import refuse_choice
 from ..analysis.operating_point import AnalysisRequest
 from ..analysis.outcome import MODES
 from ..analysis.placement import operating_point
-from ..batch.together import is_together, simulate_together
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
 from ..results.result import Result
@@ -51,20 +50,12 @@ class ScalarStudy:
         except Exception as problem:
             return Failed(why(kept(problem)))
 
-    def answer_all(
-        self, model: CompiledModel, points: Sequence[Mapping[str, str | float]]
-    ) -> list[dict[str, float] | Failed | None]:
-        """Return the numbers of runs that are stepped together; None at other points."""
-        if self.of != ("simulate",):
-            return [None] * len(points)
-        runs = simulate_together(model, self.run, points)
-        return [None if run is None else self._of_run(run) for run in runs]
+    @property
+    def only_run(self) -> RunRequest | None:
+        """Run, if numbers of runs are all that is asked for."""
+        return self.run if self.of == ("simulate",) else None
 
-    def is_batch(self, model: CompiledModel, point: Mapping[str, str | float]) -> bool:
-        """Return True if such runs are stepped together."""
-        return self.of == ("simulate",) and is_together(model, self.run, point)
-
-    def _of_run(self, run: Result) -> dict[str, float] | Failed:
+    def of_run(self, point: Mapping[str, str | float], run: Result) -> dict[str, float] | Failed:
         """Return the numbers of a run, or the reason why it has none."""
         try:
             return checked(numbers_of(run))

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
 
 from ..analysed_model import AnalysedModel
+from ..batch.together import is_together, simulate_together
 from ..errors import RunFailed, UsageError
 from .local_workers import LocalWorkers, local_workers, started_together
 from .point_failure import OF_ALL, OURS, kept
@@ -152,7 +153,8 @@ def _reports(
     if count <= 1:
         yield from some(missing)
         return
-    in_threads = isinstance(question, BatchRequest) and question.is_batch(model, points[missing[0]])
+    run = question.only_run if isinstance(question, BatchRequest) else None
+    in_threads = run is not None and is_together(model, run, points[missing[0]])
     together = MOST_AT_ONCE if in_threads else 1  # their tasks are no larger than they may be
     own = local_workers(lambda numbers: first_of(some(numbers, together)), count, in_threads)
     try:
@@ -222,10 +224,11 @@ def _results_at(model: AnalysedModel, question: PointRequest, points: Sequence[A
 
     An error with a message is that of each point alone, too. Warns of a defect, which costs time and no result.
     """
-    if len(points) == 1 or not isinstance(question, BatchRequest):
+    if len(points) == 1 or not isinstance(question, BatchRequest) or question.only_run is None:
         return [None] * len(points)
     try:
-        return question.answer_all(model, points)
+        runs = simulate_together(model, question.only_run, points)
+        return [None if run is None else question.of_run(point, run) for point, run in zip(points, runs, strict=True)]
     except Exception as problem:
         if not isinstance(problem, (*OURS, *OF_ALL, MemoryError)):
             text = f"a defect of ours: runs together ended ({type(problem).__name__}: {problem}); each is made alone"

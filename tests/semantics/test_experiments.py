@@ -10,9 +10,9 @@ from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed, ValuesNeeded
 from compiler.scene import (
     Analysis,
+    BoundedParameter,
     ContinuationRequest,
     Differentiating,
-    FitParameter,
     Fitting,
     Inverting,
     Linearizing,
@@ -236,13 +236,17 @@ def fitting(model: Path) -> Fitting:
 def test_a_fit_has_its_bounds_and_scales(tmp_path: Path) -> None:
     step = 'fit k = 1 [N/m] .. 3 [N/mm], m = -1 kg .. 2 g, r to "a.csv", "a.csv" { scale k = log, explain = true, scale r = log, scale m = linear }'
     assert fitting(beside(tmp_path, "time [ms], v [mm/s]", step)) == Fitting(
-        (FitParameter("k", 1.0, 3e3, True), FitParameter("m", -1.0, 2e-3), FitParameter("r", logarithmic=True)),
+        (
+            BoundedParameter("k", 1.0, 3e3, True),
+            BoundedParameter("m", -1.0, 2e-3),
+            BoundedParameter("r", logarithmic=True),
+        ),
         ("a.csv", "a.csv"),
         ("v",),
         True,
     )
     zero = fitting(beside(tmp_path, "x [mm]", 'fit k = 0 [N/m] .. 1 [N/m] to "a.csv" { scale k = log }'))
-    assert zero.sought == (FitParameter("k", 0.0, 1.0, True),)
+    assert zero.sought == (BoundedParameter("k", 0.0, 1.0, True),)
 
 
 @pytest.mark.parametrize(

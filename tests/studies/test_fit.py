@@ -14,8 +14,9 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph import UsageError
 from bondgraph.commands import commands
-from bondgraph.studies.fit_problem import BoundedParameter, Problem
+from bondgraph.studies.fit_problem import Problem
 from bondgraph.studies.measured import Measurements
+from compiler.api import BoundedParameter
 from tests.compiling import MODELS
 
 TEXT = """

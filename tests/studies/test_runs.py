@@ -256,7 +256,7 @@ def test_a_defect_of_runs_together_is_told_and_costs_no_result(monkeypatch: pyte
 
     model = bondgraph.load(TEXT)
     wanted = model.simulate_many(SETTINGS, workers=1)
-    monkeypatch.setattr("bondgraph.studies.runs.simulate_together", broken)
+    monkeypatch.setattr("bondgraph.studies.workers.simulate_together", broken)
     with pytest.warns(RuntimeWarning, match="ZeroDivisionError: within"):
         found = model.simulate_many(SETTINGS, workers=1)
     assert all(found[name].tobytes() == wanted[name].tobytes() for name in wanted[0].names)

@@ -10,9 +10,9 @@ from ...graph.network import Named
 from ...graph.units import ONE, SECOND, Dimension
 from ...scene import (
     Analysis,
+    BoundedParameter,
     ContinuationRequest,
     Differentiating,
-    FitParameter,
     Fitting,
     Inverting,
     Linearizing,
@@ -252,11 +252,11 @@ def _scale(attribute: tree.Attribute, root: Scope) -> tuple[str, bool]:
 
 def _unknown(
     elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, logarithmic: Mapping[str, bool]
-) -> FitParameter:
+) -> BoundedParameter:
     name = settable(elaborator, given, root, "What is looked for is one that can be set")
     scale = logarithmic.get(name, False)
     if given.range is None:
-        return FitParameter(name, logarithmic=scale)
+        return BoundedParameter(name, logarithmic=scale)
     dimension = _dimension(elaborator, given.path, root)
     low = elaborator.static(given.range.first, root, f"A bound of `{name}`", dimension)
     high = elaborator.static(given.range.last, root, f"A bound of `{name}`", dimension)
@@ -266,4 +266,4 @@ def _unknown(
     if scale and low < 0:
         what = f"A logarithmic scale has no bounds below zero, and `{name}` has one"
         raise Wrong(WrongExperiment(given.range.span, what, "Leave out the `scale`, or raise the bound."))
-    return FitParameter(name, low, high, scale)
+    return BoundedParameter(name, low, high, scale)

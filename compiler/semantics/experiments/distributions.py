@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from ...chance import DISTRIBUTIONS, SPREAD, fault, kinds_told
+from ...chance import DISTRIBUTIONS, SPREAD, Distribution, fault, kinds_told
 from ...graph.units import ONE, Dimension
-from ...scene import MonteCarloRequest, Plan, RandomParameter
+from ...scene import MonteCarloRequest, Plan
 from ...steps import ANALYSIS_STEPS
 from ...syntax import tree
 from ..expressions.scales import is_absolute
@@ -47,19 +47,19 @@ def _check_indices(step: tree.Analysis, values: dict[str, int]) -> None:
         raise Wrong(WrongExperiment(span, f"Sobol indices do not stand on {rows} of {samples} points", hint))
 
 
-def _drawn(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> RandomParameter:
+def _drawn(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> tuple[str, Distribution]:
     name = settable(elaborator, given, root, "What varies is one that can be set")
     scalar = elaborator.lookup(given.path, root)
     assert isinstance(scalar, Scalar) and given.value is not None
     if scalar.choices:
         hint = f"Compare its words: `sweep {name} = {', '.join(scalar.choices)}`."
         raise Wrong(WrongExperiment(given.path.span, f"`{name}` is a choice, and words have no distribution", hint))
-    return _distribution(elaborator, given.value, root, name, scalar.dimension or ONE)
+    return name, _distribution(elaborator, given.value, root, name, scalar.dimension or ONE)
 
 
 def _distribution(
     elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, dimension: Dimension, inner: bool = False
-) -> RandomParameter:  # fmt: skip
+) -> Distribution:  # fmt: skip
     kinds = (*DISTRIBUTIONS, *(() if inner else ("truncated",)))
     if not isinstance(value, tree.Call) or value.function not in kinds:
         near = suggestion(value.function, kinds) if isinstance(value, tree.Call) else ""
@@ -72,11 +72,11 @@ def _distribution(
     if value.function == "truncated":
         found = _distribution(elaborator, value.arguments[0], root, name, dimension, True)
         low, high = (_number(elaborator, a, root, name, "", dimension) for a in value.arguments[1:])
-        return _checked(RandomParameter(name, found.kind, found.numbers, low, high), value)
+        return _checked(name, Distribution(found.kind, found.numbers, low, high), value)
     numbers = tuple(
         _number(elaborator, a, root, name, w, dimension) for a, w in zip(value.arguments, words, strict=True)
     )  # fmt: skip
-    return _checked(RandomParameter(name, value.function, numbers), value)
+    return _checked(name, Distribution(value.function, numbers), value)
 
 
 def _number(
@@ -87,10 +87,10 @@ def _number(
     return elaborator.static(value, root, f"The {what or 'end'} of `{name}`", dimension)
 
 
-def _checked(drawn: RandomParameter, value: tree.ExpressionSyntax) -> RandomParameter:
-    wrong = fault(drawn.kind, drawn.numbers, drawn.low, drawn.high)
+def _checked(name: str, drawn: Distribution, value: tree.ExpressionSyntax) -> Distribution:
+    wrong = fault(drawn)
     if wrong:
-        what = f"`{drawn.name}` cannot have this distribution: {wrong}"
+        what = f"`{name}` cannot have this distribution: {wrong}"
         raise Wrong(WrongExperiment(value.span, what, "Numbers are compared in SI."))
     return drawn
 
