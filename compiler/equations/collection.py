@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..algebra.expression import Expression, Number, Symbol
 from ..algebra.formula import Bound, bind
@@ -29,6 +30,11 @@ from .system import (
     Validity,
     Variable,
 )
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    Noun = TypeVar("Noun", bound=DataclassInstance)
 
 
 class EquationCollection:
@@ -58,23 +64,17 @@ class EquationCollection:
 
     def resolved(self, name: str, outputs: Mapping[str, int], limits: Sequence[Validity]) -> EquationSystem:
         """Return all collected equations, with one number for each set of aliases."""
+        rooted, root = self._rooted, self.root
+        events = [replace(e, settings=rooted(e.settings, "target", "value")) for e in self.events]
         return EquationSystem(
-            name, tuple(self.variables), tuple(self._resolved()), tuple(self.derivatives), tuple(self.states),
-            {n: self.root(v) for n, v in outputs.items()}, {n: self.root(v) for n, v in self.quantities.items()},
-            tuple(self.ports), tuple(self.storages), self.stored, tuple(self.claims),
-            tuple(replace(t, condition=self.root(t.condition), values=tuple((n, self._through(v), u) for n, v, u in t.values)) for t in limits),
-            tuple(self.invariants), tuple(self.balances),
-            tuple(replace(d, start=self._through(d.start)) for d in self.discretes), tuple(self._event(e) for e in self.events),
-            tuple(replace(s, condition=self.root(s.condition)) for s in self.switches),
-            tuple(replace(d, value=self.root(d.value), lag=self._through(d.lag)) for d in self.delays),
-            frozenset(self.pieced), momenta=tuple(replace(m, variable=self.root(m.variable), rate=self.root(m.rate)) for m in self.momenta),
+            name, tuple(self.variables), rooted(self.states, "variable", "rate", "start", "nominal", "conjugate", "drawn"),
+            {n: root(v) for n, v in outputs.items()}, {n: root(v) for n, v in self.quantities.items()},
+            rooted(self.ports, "effort", "flow"), rooted(self.storages, "stored", "arguments"), {n: root(v) for n, v in self.stored.items()},
+            rooted(self.claims, "variable", "start"), rooted(limits, "condition", "values"), rooted(self.invariants, "position", "velocity"),
+            tuple(self.balances), rooted(self.discretes, "start"), rooted(events, "condition", "sampling"), rooted(self.switches, "condition"),
+            rooted(self.delays, "value", "lag"), frozenset(self.pieced), (), tuple(map(self._resolved, self.assignments)),
+            rooted(self.derivatives, "target", "of", "conjugate"), rooted(self.momenta, "variable", "rate"),
         )  # fmt: skip
-
-    def _event(self, event: EventRow) -> EventRow:
-        root = self.root
-        settings = tuple(replace(s, target=root(s.target), value=root(s.value)) for s in event.settings)
-        sampling = tuple(map(self._through, event.sampling))
-        return replace(event, condition=root(event.condition), settings=settings, sampling=sampling)
 
     def variable(self, name: str, role: str, unit: str = "", value: float | None = None) -> int:
         """Add a variable and return its number."""
@@ -193,46 +193,22 @@ class EquationCollection:
         self.assign(variable, expression, span, name)
         return variable
 
-    def _resolved(self) -> list[Assignment]:
-        """Assignments with aliases replaced by the variables that they are equal to. Replaces them in everything else too."""
-        root, through = self.root, self._through
-        self.states = [
-            replace(
-                s, variable=root(s.variable), rate=root(s.rate), start=through(s.start),
-                nominal=None if s.nominal is None else through(s.nominal),
-                conjugate=None if s.conjugate is None else root(s.conjugate), drawn=None if s.drawn is None else through(s.drawn),
-            )
-            for s in self.states
-        ]  # fmt: skip
-        self.claims = [replace(c, variable=root(c.variable), start=through(c.start)) for c in self.claims]
-        self.invariants = [
-            replace(
-                i,
-                position=None if i.position is None else root(i.position),
-                velocity=None if i.velocity is None else root(i.velocity),
-            )
-            for i in self.invariants
-        ]
-        self.derivatives = [
-            replace(
-                d, target=root(d.target), of=root(d.of), conjugate=None if d.conjugate is None else root(d.conjugate)
-            )
-            for d in self.derivatives
-        ]
-        self.ports = [replace(p, effort=root(p.effort), flow=root(p.flow)) for p in self.ports]
-        self.storages = [
-            replace(s, stored=tuple(map(root, s.stored)), arguments=tuple(map(through, s.arguments)))
-            for s in self.storages
-        ]
-        self.stored = {n: root(v) for n, v in self.stored.items()}
-        return [
-            Assignment(
-                a.target, a.formula, tuple(map(through, a.arguments)), a.span, a.owner, a.implicit,
-                None if a.residual is None else Bound(a.residual.formula, tuple(map(through, a.residual.arguments))),
-                a.guess,
-            )
-            for a in self.assignments
-        ]  # fmt: skip
+    def _rooted(self, nouns: Sequence[Noun], *fields: str) -> tuple[Noun, ...]:
+        """Return the same with variables replaced by those that they are equal to, in these fields: one, none, or several with other things."""
+
+        def through(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(through, value))
+            return self.root(value) if isinstance(value, int) else value
+
+        return tuple(replace(noun, **{name: through(getattr(noun, name)) for name in fields}) for noun in nouns)
+
+    def _resolved(self, a: Assignment) -> Assignment:
+        residual = (
+            None if a.residual is None else Bound(a.residual.formula, tuple(map(self._through, a.residual.arguments)))
+        )
+        arguments = tuple(map(self._through, a.arguments))
+        return Assignment(a.target, a.formula, arguments, a.span, a.owner, a.implicit, residual, a.guess)
 
     def _through(self, argument: Argument) -> Argument:
         return argument if isinstance(argument, float) else self.root(argument)

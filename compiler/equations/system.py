@@ -250,13 +250,14 @@ class JunctionSwitch:
 
 
 @dataclass(frozen=True, eq=False)
-class EquationSystem:
-    """All equations of a model, with causality but not yet in order."""
+class Equations:
+    """Subject of equations, in order or not: variables, states, outputs, energies, events.
+
+    `outputs` are the author's; an energy balance reads `ports` and `stored`.
+    """
 
     name: str
     variables: tuple[Variable, ...]
-    assignments: tuple[Assignment, ...]
-    derivatives: tuple[Derivative, ...]
     states: tuple[State, ...]
     outputs: Mapping[str, int]
     quantities: Mapping[str, int]  # named quantities that occur
@@ -264,13 +265,22 @@ class EquationSystem:
     storages: tuple[Storage, ...]
     stored: Mapping[str, int]  # node -> variable of its stored energy, for mechanisms
     claims: tuple[Claim, ...]
-    limits: tuple[Validity, ...] = ()
-    invariants: tuple[Invariant, ...] = ()
-    balances: tuple[MomentumBalance, ...] = ()
-    discretes: tuple[Discrete, ...] = ()
-    events: tuple[EventRow, ...] = ()
-    switches: tuple[JunctionSwitch, ...] = ()
-    delays: tuple[Delayed, ...] = ()
-    pieced: frozenset[int] = frozenset()  # computed in pieces that join smoothly: conditions in them are no events
-    following: tuple[StateFollower, ...] = ()
-    momenta: tuple[Momentum, ...] = ()
+    limits: tuple[Validity, ...]
+    invariants: tuple[Invariant, ...]
+    balances: tuple[MomentumBalance, ...]
+    discretes: tuple[Discrete, ...]
+    events: tuple[EventRow, ...]
+    switches: tuple[JunctionSwitch, ...]
+    delays: tuple[Delayed, ...]
+    # derivatives of others, and what is computed in pieces that join smoothly: conditions in them are no events
+    pieced: frozenset[int]
+    following: tuple[StateFollower, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class EquationSystem(Equations):
+    """All equations of a model, with causality but not yet in order."""
+
+    assignments: tuple[Assignment, ...]
+    derivatives: tuple[Derivative, ...]
+    momenta: tuple[Momentum, ...]

@@ -109,12 +109,12 @@ class _Reduction:
         if self.diagnostics:
             raise CompilationFailed(self.diagnostics)
         return StateSpace(
-            system.name, tuple(self.variables), tuple(steps), tuple(states), tuple(self.unknowns), system.outputs, system.quantities,
+            system.name, tuple(self.variables), tuple(states), system.outputs, system.quantities,
             system.ports if self.everything else (), system.storages if self.everything else (),
-            system.stored if self.everything else {}, dependents,
-            claims, tuple(forced), self._index(used, steps), system.limits, invariants,
-            tuple(b for b in system.balances if b.variable in used), frozenset(self.pieced), discretes, events, system.switches, delays,
-            following, tuple(Dependent(m.variable, "", m.quantity, m.rate) for m in system.momenta), tuple(self.laws), self.loops,
+            system.stored if self.everything else {}, claims, system.limits, invariants,
+            tuple(b for b in system.balances if b.variable in used), discretes, events, system.switches, delays,
+            frozenset(self.pieced), following, tuple(steps), tuple(self.unknowns), dependents, tuple(forced), self._index(used, steps),
+            tuple(Dependent(m.variable, "", m.quantity, m.rate) for m in system.momenta), tuple(self.laws), self.loops,
         )  # fmt: skip
 
     def _events(

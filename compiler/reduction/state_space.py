@@ -5,22 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 
-from ..equations.system import (
-    Assignment,
-    Claim,
-    Delayed,
-    Discrete,
-    EventRow,
-    Invariant,
-    JunctionSwitch,
-    MomentumBalance,
-    PowerPort,
-    State,
-    StateFollower,
-    Storage,
-    Validity,
-    Variable,
-)
+from ..equations.system import Assignment, Claim, Equations
 from ..fast_dataclass import dataclass
 from ..source import Span
 
@@ -92,41 +77,17 @@ class Forced:
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpace:
-    """x' = f(x, z, t), 0 = g(x, z, t), y = h(x, z, t) as ordered steps over variables: states x, unknowns z of loops.
+class StateSpace(Equations):
+    """x' = f(x, z, t), 0 = g(x, z, t), y = h(x, z, t) as ordered steps over variables: states x, unknowns z of loops."""
 
-    `outputs` are the author's; an energy balance reads `powers` and `stored`.
-    """
-
-    name: str
-    variables: tuple[Variable, ...]
     steps: tuple[Step, ...]
-    states: tuple[State, ...]
     unknowns: tuple[TearingVariable, ...]
-    outputs: Mapping[str, int]
-    quantities: Mapping[str, int]
-    ports: tuple[PowerPort, ...]
-    storages: tuple[Storage, ...]
-    stored: Mapping[str, int]
     dependents: tuple[Dependent, ...]  # contents of storages in derivative form
-    claims: tuple[Claim, ...]
     forced: tuple[Forced, ...]
     index: int  # of the equations as they were written: 0 explicit, 1 with loops, more with storages in derivative form
-    limits: tuple[Validity, ...] = ()
-    invariants: tuple[Invariant, ...] = ()
-    balances: tuple[MomentumBalance, ...] = ()
-    # derivatives of others, and smoothly joined pieces: their conditions are no events
-    pieced: frozenset[int] = frozenset()
-    discretes: tuple[Discrete, ...] = ()
-    events: tuple[EventRow, ...] = ()
-    switches: tuple[JunctionSwitch, ...] = ()
-    delays: tuple[Delayed, ...] = ()
-    following: tuple[StateFollower, ...] = ()
-    momenta: tuple[Dependent, ...] = ()  # of coordinates, where junctions switch
-    laws: tuple[OpenedLaw, ...] = ()  # of loops that are opened
-    loops: Mapping[int, tuple[Assignment, ...]] = field(
-        default_factory=dict
-    )  # all assignments of a loop, by its cut variables
+    momenta: tuple[Dependent, ...]  # of coordinates, where junctions switch
+    laws: tuple[OpenedLaw, ...]  # of loops that are opened
+    loops: Mapping[int, tuple[Assignment, ...]]  # all assignments of a loop, by its cut variables
 
     @property
     def inputs(self) -> list[tuple[int, ...]]:
