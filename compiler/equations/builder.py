@@ -127,20 +127,14 @@ class EquationBuilder(EquationCollection):
         if name in self.graph.integrals:
             return self._integral(self.graph.integrals[name])
         named = self.graph.quantities[name]
-        if named.role == "mode":
-            return self._discrete(named)
-        if named.role == "rate":
-            return self._rate(named)
-        if named.role == "solve":
-            return self._unknown(named)
         if adjustable(named) and (named.role == "parameter" or name in self.free or "*" in self.free):
             value = named.value if named.value is not None else _number(named.definition)
             self.quantities[name] = self.variable(name, named.role, named.unit, value)
             return iter(()), _nothing
-        self.quantities[name] = number = self.variable(name, "computed", named.unit)
-        definition = named.definition
+        definition, role = named.definition, "mode" if named.role == "mode" else "computed"
         assert definition is not None
-        return iter(definition.arguments), lambda: self.apply(number, definition, named.span, name)
+        self.quantities[name] = variable = self.variable(name, role, named.unit)
+        return iter(definition.arguments), lambda: self._define(variable, named, definition)
 
     def _integral(self, integral: Integral) -> _Row:
         """Add a signal with memory as a state. It gets its variable before its rate is read, as it may depend on itself."""
@@ -167,43 +161,23 @@ class EquationBuilder(EquationCollection):
 
         return iter(delay.value.arguments), finish
 
-    def _rate(self, named: Named) -> _Row:
-        """Add the rate of an expression, which index reduction writes as it writes those of storages in derivative form."""
-        self.quantities[named.name] = variable = self.variable(named.name, "computed", named.unit)
-        definition = named.definition
-        assert definition is not None
-
-        def finish() -> None:
-            of = self.held(self.folded(definition), f"argument of {named.name}", "", named.span)
-            self.differentiated(variable, of, named.span, named.name)
-
-        return iter(definition.arguments), finish
-
-    def _unknown(self, named: Named) -> _Row:
-        """Add the unknown of a `solve`, which makes its definition zero. It gets its variable first, as the definition reads it."""
-        self.quantities[named.name] = variable = self.variable(named.name, "computed", named.unit)
-        definition = named.definition
-        assert definition is not None
-
-        def finish() -> None:
-            arguments = tuple(self.reference(a) for a in definition.arguments)
-            self.add(
-                Assignment(variable, definition.formula, arguments, named.span, named.name, True, None, named.guess)
-            )
-
-        return iter(definition.arguments), finish
-
-    def _discrete(self, named: Named) -> _Row:
-        """Add a discrete variable. Its definition is its start."""
-        self.quantities[named.name] = variable = self.variable(named.name, "mode", named.unit)
-        definition = named.definition
-        assert definition is not None
-
-        def finish() -> None:
-            start = self.static(self.folded(definition), f"{named.name} at the start", named.span)
-            self.discretes.append(Discrete(variable, start))
-
-        return iter(definition.arguments), finish
+    def _define(self, variable: int, named: Named, definition: Bound) -> None:
+        """Write a definition, after all that it reads: it may read its own variable."""
+        name, span = named.name, named.span
+        match named.role:
+            case "mode":  # a discrete variable is defined by its start
+                start = self.static(self.folded(definition), f"{name} at the start", span)
+                self.discretes.append(Discrete(variable, start))
+            case (
+                "rate"
+            ):  # of an expression: index reduction writes it as it writes those of storages in derivative form
+                of = self.held(self.folded(definition), f"argument of {name}", "", span)
+                self.differentiated(variable, of, span, name)
+            case "solve":  # the unknown makes its definition zero
+                arguments = tuple(self.reference(a) for a in definition.arguments)
+                self.add(Assignment(variable, definition.formula, arguments, span, name, True, None, named.guess))
+            case _:
+                self.apply(variable, definition, span, name)
 
     def reading(self, reading: Reading) -> int:
         """Variable of a reading at a node's port."""
