@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,19 @@ def draw(subject: object, path: str | os.PathLike[str] | None = None, kind: str 
     """Draw a result, into a file if there is a path. Raises `UsageError` for an unknown ending, `MissingPackage` without matplotlib, OSError."""
     figure: Figure = renderer(subject, kind)(subject, path, *options)
     return figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OfModel:
+    """Result of a model, in an experiment of it or without one."""
+
+    model: str
+    experiment: str | None
+
+    @property
+    def title(self) -> str:
+        """Model and experiment, as in headings."""
+        return self.model if self.experiment is None else f"{self.model}: {self.experiment}"
 
 
 class Summarised:

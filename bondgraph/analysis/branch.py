@@ -19,7 +19,7 @@ import numpy as np
 from compiler.api import Array, BoolArray
 
 from ..errors import UsageError
-from ..rendering import Summarised, draw
+from ..rendering import OfModel, Summarised, draw
 from ..results.json_values import arrays_with_units, head, named, with_units
 from .branch_steps import BranchFollower, BranchLine, BranchPlace
 from .operating_point import OperatingPoint
@@ -45,11 +45,9 @@ class Special:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branch(Summarised):
+class Branch(OfModel, Summarised):
     """Equilibria along a branch: `values` (n,) of the parameter, `states` and `outputs` name -> (n,), `stable` and `unstable` (n,), all in SI."""
 
-    model: str
-    experiment: str | None
     parameter: str
     values: Array
     states: Mapping[str, Array]

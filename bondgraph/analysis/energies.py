@@ -16,17 +16,15 @@ from compiler.api import Array, Element, MechanismNode, letters, write_text
 
 from ..compiled_model import CompiledModel, source_of
 from ..errors import UsageError
-from ..rendering import Plotted
+from ..rendering import OfModel, Plotted
 
 POINTS = 501
 
 
 @dataclass(frozen=True, eq=False)
-class Energies(Plotted):
+class Energies(OfModel, Plotted):
     """Work of each element at `time` (N,), name -> (N,) in J, and its kind. Positive: supplied by sources, received by all others."""
 
-    model: str
-    experiment: str | None
     time: Array
     elements: Mapping[str, Array]
     kinds: Mapping[str, str]

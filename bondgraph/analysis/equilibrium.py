@@ -10,7 +10,7 @@ from typing import Any
 from compiler.api import Reported
 
 from ..errors import UsageError
-from ..rendering import Summarised
+from ..rendering import OfModel, Summarised
 from ..results.json_values import entries, head, named, with_units
 from .operating_point import OperatingPoint
 from .pulses import held_note
@@ -21,15 +21,13 @@ SCHEMA = "bondgraph-equilibrium/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium(Summarised):
+class Equilibrium(OfModel, Summarised):
     """States, unknowns of loops and outputs by name, in SI, with all rates zero at `time` (s).
 
     `verdict` has the largest real part of an eigenvalue (1/s) with a bound, and the eigenvalues that rounding hides. A coordinate without restoring
     force (the position of a free body) has a growth of zero and is not counted. `steady`: the rates of angles that rotate steadily, by name.
     """
 
-    model: str
-    experiment: str | None
     time: float
     states: Mapping[str, float]
     unknowns: Mapping[str, float]

@@ -12,7 +12,7 @@ from compiler.api import Array
 
 from ..errors import MissingPackage
 from ..quantities import listed
-from ..rendering import Summarised
+from ..rendering import OfModel, Summarised
 from ..results.json_values import entries, head, named, with_units
 from .operating_point import OperatingPoint
 from .pulses import held_note, refuse_moving_pulses
@@ -22,15 +22,13 @@ SCHEMA = "bondgraph-linearization/1"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Linearization(Summarised):
+class Linearization(OfModel, Summarised):
     """Matrices A (n, n), B (n, k), C (m, n), D (m, k), in SI, for `states`, `inputs` and `outputs` by the author's names.
 
     `states` are the free ones: coordinates tied by loop joints follow them, unknowns of loops are eliminated. `x` (n,), `u` (k,), `y` (m,) are the
     values at the point, `rates` (n,) is x' there: zero at an equilibrium. `unneeded`: states that no requested output depends on.
     """
 
-    model: str
-    experiment: str | None
     time: float
     states: tuple[str, ...]
     inputs: tuple[str, ...]

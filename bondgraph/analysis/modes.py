@@ -16,7 +16,7 @@ import numpy as np
 from compiler.api import Array, ComplexArray, IntArray, Leaf, letters
 
 from ..numerics.scales import group_numbers, largest_of_group, nonzero
-from ..rendering import Summarised
+from ..rendering import OfModel, Summarised
 from ..results.json_values import entries, head
 from .linear import Linearization, linearization, part_note, state_matrix
 from .operating_point import OperatingPoint
@@ -101,14 +101,12 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes(Sequence[Mode], Summarised):
+class Modes(Sequence[Mode], OfModel, Summarised):
     """Modes at a point, slowest first; `units` of states and outputs.
 
     `unneeded`: states that no requested output depends on. Modes of these alone are not among them, and energies are those of the part that is left.
     """
 
-    model: str
-    experiment: str | None
     time: float
     modes: tuple[Mode, ...]
     units: Mapping[str, str]

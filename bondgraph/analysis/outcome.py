@@ -14,7 +14,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import Plotted, Summarised, draw
+from ..rendering import OfModel, Plotted, Summarised, draw
 from ..results.exports import Arrays, Exported, write_csv
 from ..results.json_values import entries, head
 
@@ -95,11 +95,9 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Outcome(Sequence[Point], Summarised, Plotted, Exported):
+class Outcome(Sequence[Point], OfModel, Summarised, Plotted, Exported):
     """Points of an experiment in order, the last swept name running fastest; one without a sweep has a single point."""
 
-    model: str
-    experiment: str | None
     swept: Mapping[str, str]  # name -> SI unit
     points: tuple[Point, ...]
     shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in a table

@@ -12,7 +12,7 @@ import numpy as np
 from compiler.api import Array, BoolArray, ComplexArray
 
 from ..errors import UsageError
-from ..rendering import Plotted, Summarised
+from ..rendering import OfModel, Plotted, Summarised
 from ..results.json_values import as_json, entries, head
 from .eigenvalues import bounded_eigenvalues
 from .extrema import Evaluate, Extremum, extrema
@@ -30,15 +30,13 @@ AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Response(Summarised, Plotted):
+class Response(OfModel, Summarised, Plotted):
     """Response `values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
 
     `extrema`: peaks and dips between the first and last frequency, computed from the poles and independent of the frequencies; an undamped one has an
     infinite magnitude. `notes`: remarks for the user.
     """
 
-    model: str
-    experiment: str | None
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: Mapping[str, str]

@@ -20,7 +20,7 @@ from compiler.api import Array, symbols
 
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
-from ..rendering import Summarised
+from ..rendering import OfModel, Summarised
 from ..results.json_values import head, named, with_units
 from .movable import refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint
@@ -34,11 +34,9 @@ TIED = 1e-9  # relative to the derivatives at a start: remainder under the const
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RunSensitivity(Summarised):
+class RunSensitivity(OfModel, Summarised):
     """Values `values` (t, m) of `outputs` over `time` (t,), and `slopes` (t, m, k), their derivatives by `parameters` (k), in SI."""
 
-    model: str
-    experiment: str | None
     time: Array
     outputs: tuple[str, ...]
     parameters: tuple[str, ...]

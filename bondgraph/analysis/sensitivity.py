@@ -19,7 +19,7 @@ from compiler.api import Array, Leaf
 
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import EPS, nonzero
-from ..rendering import Summarised
+from ..rendering import OfModel, Summarised
 from ..results.json_values import as_json, finite, head, named, with_units
 from .linear import Linearization, linearization
 from .modes import STILL, eigenvalues
@@ -40,14 +40,12 @@ SEPARATE = 1e3  # condition number of an eigenvalue among equal ones: more where
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Summarised):
+class Sensitivity(OfModel, Summarised):
     """Derivatives `slopes` (m, k) of `quantities` (m) by `parameters` (k), in SI, with the values of both.
 
     Quantities are outputs at equilibrium, `frequency i` (Hz) and `damping i` of the moving modes, slowest first.
     """
 
-    model: str
-    experiment: str | None
     quantities: tuple[str, ...]
     parameters: tuple[str, ...]
     values: Array

@@ -5,19 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from compiler.api import Array
 
-
-class OfModel(Protocol):
-    """Result of a model in an experiment."""
-
-    @property
-    def model(self) -> str: ...
-
-    @property
-    def experiment(self) -> str | None: ...
+from ..rendering import OfModel
 
 
 def head(schema: str, result: OfModel) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from compiler.api import Reported
 
 from ..errors import MissingPackage, UnknownOutput, UsageError
-from ..rendering import draw, text_of
+from ..rendering import OfModel, draw, text_of
 from .exports import Arrays, Exported, write_npz, write_rows
 from .json_values import as_json, entries, finite, head
 from .records import Column, EnergyBalance, EventRecord, Extremes, LimitLeft
@@ -35,7 +35,7 @@ ARCHIVE, RUN = "bondgraph-run/1", "the run"  # schema of a file, and its array w
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result(Exported):
+class Result(OfModel, Exported):
     """Result of one run; `result["x"]` is the output `x` over `result.time`, in SI.
 
     `time` (n,) in s; `values` (n, m) in SI, one column for each of `columns`; `report`: outputs shown by the experiment, with units; `steps` and
@@ -49,8 +49,6 @@ class Result(Exported):
     Raises ValueError if the shapes do not fit.
     """
 
-    model: str
-    experiment: str | None
     time: Array
     columns: tuple[Column, ...]
     values: Array
@@ -90,11 +88,6 @@ class Result(Exported):
     def _repr_html_(self) -> str:
         """Return a table with small curves, for notebooks."""
         return text_of(self, "html")
-
-    @property
-    def title(self) -> str:
-        """Model and experiment, as in headings."""
-        return self.model if self.experiment is None else f"{self.model}: {self.experiment}"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import Summarised, draw
+from ..rendering import OfModel, Summarised, draw
 from ..results.json_values import as_json, entries, finite, head
 
 if TYPE_CHECKING:
@@ -38,15 +38,13 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Summarised):
+class Fit(OfModel, Summarised):
     """Result of a fit; `found["d"]` is a fitted value in SI.
 
     `squares`: sum of squared residuals over sigma; `freedom`: number of data minus number of parameters; `scatter`: squares over degrees of freedom.
     `directions`: of relative changes, the least certain first. `explanations`: small sets of parameters that fit the data alone, if requested.
     """
 
-    model: str
-    experiment: str | None
     parameters: tuple[Fitted, ...]
     correlations: Array
     series: tuple[Series, ...]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ..rendering import Summarised
+from ..rendering import OfModel, Summarised
 from ..results.json_values import entries, head
 
 SCHEMA = "bondgraph-stress/1"
@@ -42,15 +42,13 @@ class StressRow:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class StressTest(Summarised):
+class StressTest(OfModel, Summarised):
     """Stress test of an experiment: a row for each kind of change, and the breaks.
 
     `error`: largest estimated error of an output of the unchanged run, relative to its magnitude (NaN: there is no estimate, for the reason `doubt`).
     `seconds` that it took.
     """
 
-    model: str
-    experiment: str | None
     rows: tuple[StressRow, ...]
     breaks: tuple[StressBreak, ...]
     error: float

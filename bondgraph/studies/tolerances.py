@@ -13,7 +13,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import Summarised, draw
+from ..rendering import OfModel, Summarised, draw
 from ..results.exports import Arrays, Exported
 from ..results.json_values import as_json, entries, head
 
@@ -38,14 +38,12 @@ class Swing:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MonteCarlo(Summarised, Exported):
+class MonteCarlo(OfModel, Summarised, Exported):
     """Sample `samples` (n, k) of `parameters`, `values` (n, m) of `quantities`, in SI and Hz; NaN for failed points, with reasons in `failures`.
 
     `distributions` as texts with numbers in SI; `indices` is None if there are none (with the reason in `notes`). `found("frequency 1")` is a column.
     """
 
-    model: str
-    experiment: str | None
     of: tuple[str, ...]
     seed: int
     distributions: Mapping[str, str]

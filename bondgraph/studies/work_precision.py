@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..rendering import Plotted, Summarised
+from ..rendering import OfModel, Plotted, Summarised
 from ..results.json_values import entries, head
 
 SCHEMA = "bondgraph-benchmark/1"
@@ -40,15 +40,13 @@ class WorkPoint:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class WorkPrecision(Summarised, Plotted):
+class WorkPrecision(OfModel, Summarised, Plotted):
     """Work and precision of all solvers that can run an experiment, each at tolerances from 1e-3 to 1e-12.
 
     `references`: the two solvers at their tightest tolerance beside whose first the errors are measured; `agreement`: the largest relative difference of
     the two (NaN if there is one alone). `refused`: reasons of solvers without runs. `error`: the wanted one.
     """
 
-    model: str
-    experiment: str | None
     references: tuple[str, ...]
     agreement: float
     points: tuple[WorkPoint, ...]

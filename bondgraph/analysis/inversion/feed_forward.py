@@ -14,7 +14,7 @@ from compiler.api import Array
 
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
-from ...rendering import Plotted, Summarised
+from ...rendering import OfModel, Plotted, Summarised
 from ...results.json_values import arrays_with_units, entries, head, with_units
 from .drives import Drive
 
@@ -24,7 +24,7 @@ MOST_ROWS = 10_000  # most rows of a file of columns
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FeedForward(Summarised, Plotted):
+class FeedForward(OfModel, Summarised, Plotted):
     """The `inputs` with which `outputs` follow the path `wanted`, at `time` (N,), name -> (N,) in SI.
 
     `strengths`: of each input, or of each pair the signed value (`powers` 1) or square (2), which is smooth where the pair changes sides.
@@ -32,8 +32,6 @@ class FeedForward(Summarised, Plotted):
     `start`: states in which it begins, where they differ from the model's own. `notes` name the jumps of inputs.
     """
 
-    model: str
-    experiment: str | None
     wanted: Mapping[str, str]
     settings: Mapping[str, float]
     time: Array

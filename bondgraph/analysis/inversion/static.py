@@ -19,7 +19,7 @@ from compiler.api import Array
 from ...compiled_model import CompiledModel
 from ...errors import RunFailed, UsageError
 from ...numerics.scales import equilibrated
-from ...rendering import Summarised
+from ...rendering import OfModel, Summarised
 from ...results.json_values import head, named, with_units
 from ...simulation.equilibrium.search import search_at
 from ...simulation.segments.timeline import Segment
@@ -40,14 +40,12 @@ STAGES = 64  # most stages from the first equilibrium to the targets
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Inversion(Summarised):
+class Inversion(OfModel, Summarised):
     """The `inputs` that hold `outputs` at equilibrium, in SI by name; `missed`: the largest relative error of a target.
 
     `inputs` may be used as settings: `model.simulate(settings=found.inputs)`.
     """
 
-    model: str
-    experiment: str | None
     targets: Mapping[str, float]
     inputs: Mapping[str, float]
     outputs: Mapping[str, float]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..text.tables import short, visible
-from .sheet import curve_style, heading, legend, picture, stack, tell_omitted
+from .sheet import curve_style, legend, picture, stack, tell_omitted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,9 +21,7 @@ def plot_response(found: Response) -> Figure:
     """Return magnitude and phase of the first outputs, a curve for each input."""
     shown = found.outputs[:MOST]
     ratios = [1.6, 1.0] * len(shown)
-    figure, panels = stack(
-        heading(found.model, found.experiment), 8.0, 4.2 * len(shown), len(ratios), height_ratios=ratios
-    )
+    figure, panels = stack(found.title, 8.0, 4.2 * len(shown), len(ratios), height_ratios=ratios)
     phase = found.phase
     for i, output in enumerate(shown):
         above, below = panels[2 * i], panels[2 * i + 1]

@@ -11,7 +11,7 @@ from compiler.api import Array
 
 from ...errors import UsageError
 from ..text.tables import labelled, short, time_unit, visible
-from .sheet import PANELS, curve_style, heading, legend, picture, stack, tell_omitted
+from .sheet import PANELS, curve_style, legend, picture, stack, tell_omitted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,7 +118,7 @@ def _crowded(count: int) -> dict[str, Any]:
 @picture
 def plot_energies(found: Energies) -> Figure:
     """Return supplied energy and its distribution; below, the elements with most of it."""
-    figure, panels = stack(f"{heading(found.model, found.experiment)}, energy", 8.0, 6.0, 2)
+    figure, panels = stack(f"{found.title}, energy", 8.0, 6.0, 2)
     sums = {
         "supplied": found.supplied,
         "stored": found.stored,
@@ -150,7 +150,7 @@ def plot_feed_forward(found: FeedForward) -> Figure:
         if drive.pull is not None:
             name, values = f"{drive.push} - {drive.pull}", values - found.inputs[drive.pull]
         groups.setdefault(("in", found.units.get(drive.push, "1")), []).append((name, values))
-    title = f"{heading(found.model, found.experiment)}, inputs along a path"
+    title = f"{found.title}, inputs along a path"
     figure, panels = stack(title, 8.0, 1.2 + 2.0 * len(groups), len(groups))
     _over_time(figure, panels, found.time, [(f"[{visible(unit)}]", curves) for (_, unit), curves in groups.items()])
     return figure

@@ -12,7 +12,7 @@ from compiler.api import Array
 
 from ...errors import UsageError
 from ..text.tables import labelled
-from .sheet import COLOURS, DASHES, PANELS, heading, picture, stack
+from .sheet import COLOURS, DASHES, PANELS, picture, stack
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +71,7 @@ def plot_branch(found: Branch, names: Sequence[str] = ()) -> Figure:
             "BR931", f"the branch has no `{unknown[0]}`; it has {', '.join((*found.outputs, *found.states))}"
         )
     names = (list(names) or list(found.outputs) or list(found.states))[:PANELS]
-    figure, panels = stack(heading(found.model, found.experiment), 7.0, 0.9 + 2.9 * len(names), len(names))
+    figure, panels = stack(found.title, 7.0, 0.9 + 2.9 * len(names), len(names))
     for panel, name in zip(panels, names, strict=True):
         for line in (found, *found.others):
             _line(panel, line, name)

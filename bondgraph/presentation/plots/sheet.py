@@ -101,11 +101,6 @@ def stack(title: str, width: float, height: float, count: int, **options: Any) -
     return figure, panels
 
 
-def heading(model: str, experiment: str | None) -> str:
-    """Return `Model: experiment`."""
-    return model if experiment is None else f"{model}: {experiment}"
-
-
 def curve_style(place: int) -> dict[str, Any]:
     """Return colour, dashes and width of a panel's curve at this place."""
     return {"color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)], "linewidth": 1.4}

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import UsageError
 from ..text.tables import labelled, short
-from .sheet import COLOURS, PANELS, curve_style, heading, legend, picture, sheet, tell_omitted, without_frame
+from .sheet import COLOURS, PANELS, curve_style, legend, picture, sheet, tell_omitted, without_frame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Figure, list[A
         raise UsageError("BR926", "there is nothing to draw: the study has no quantity")
     across = min(count, COLUMNS)
     down = -(-count // across)
-    figure = sheet(f"{heading(found.model, found.experiment)}, {what}", 4.2 * across + 0.6, 0.8 + height * down)
+    figure = sheet(f"{found.title}, {what}", 4.2 * across + 0.6, 0.8 + height * down)
     panels = list(figure.subplots(down, across, squeeze=False).flat)
     for panel in panels[count:]:
         panel.set_visible(False)
@@ -109,7 +109,7 @@ def plot_fit(found: Fit) -> Figure:
 @picture
 def plot_work_precision(found: WorkPrecision) -> Figure:
     """Return time over error, a curve for each solver, from loose tolerances at the left to tight ones; the wanted error and what is recommended."""
-    figure = sheet(f"{heading(found.model, found.experiment)}, run time against error", 8.0, 5.0)
+    figure = sheet(f"{found.title}, run time against error", 8.0, 5.0)
     panel = figure.subplots()
     panel.grid(True, which="major", color="#d9d9d9", linewidth=0.6)
     names = []

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import UsageError
 from ..text.tables import labelled, short, visible
-from .sheet import PANELS, StrPath, check_picture, curve_style, heading, legend, picture, sheet, stack
+from .sheet import PANELS, StrPath, check_picture, curve_style, legend, picture, sheet, stack
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +39,7 @@ def _plot_swept(found: Outcome) -> Figure:
     *others, last = found.swept
     names = [n for n in found.names if n not in found.swept][:PANELS]
     count = max(1, len(names))
-    figure, panels = stack(heading(found.model, found.experiment), 8.0, 1.0 + 2.2 * count, count)
+    figure, panels = stack(found.title, 8.0, 1.0 + 2.2 * count, count)
     groups: dict[tuple[float, ...], list[int]] = {}
     for i, point in enumerate(found.points):
         groups.setdefault(tuple(point.settings[n] for n in others), []).append(i)
@@ -71,7 +71,7 @@ def plot_surface(found: Outcome, name: str) -> Figure:
     unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
     heights = np.full((len(ys), len(xs)), np.nan)
     heights[np.searchsorted(ys, found(slow)), np.searchsorted(xs, found(fast))] = found(name) * scale + offset
-    figure = sheet(heading(found.model, found.experiment), 6.4, 4.8)
+    figure = sheet(found.title, 6.4, 4.8)
     panel = figure.subplots()
     relief = panel.contourf(xs, ys, heights, CONTOURS, cmap=COLOUR_MAP)
     panel.contour(xs, ys, heights, CONTOURS, colors="#ffffff", linewidths=0.5)

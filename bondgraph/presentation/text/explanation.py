@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from compiler.api import Compilation, cost
 
+from ...rendering import OfModel
 from ...results.json_values import as_json, entries, head
 from ...results.truncation import frequency_text
 from .tables import columns, counted, short, some_of, visible
@@ -32,11 +33,9 @@ class OmittedNode:
 
 
 @dataclass(frozen=True, slots=True)
-class RunExplanation:
+class RunExplanation(OfModel):
     """Contents of `bondgraph explain` for one scene."""
 
-    model: str
-    experiment: str | None
     outputs: tuple[str, ...]
     left_out: tuple[OmittedNode, ...]
     certificate: Certificate
