@@ -36,6 +36,5 @@ def plot_response(found: Response) -> Figure:
     panels[-1].set_xlim(found.frequencies[0], found.frequencies[-1])
     if found.frequencies[-1] < NARROW * found.frequencies[0]:
         panels[-1].set_xscale("linear")  # a logarithmic axis would have at most one tick
-    if len(found.outputs) > MOST:
-        tell_omitted(figure, found.outputs[MOST:])
+    tell_omitted(figure, found.outputs[MOST:], None)
     return figure

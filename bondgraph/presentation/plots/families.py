@@ -76,8 +76,7 @@ def _family(runs: Sequence[Result], labels: Sequence[str]) -> Figure:
         legend(panels[0], [*(name for *_, name in BANDS), "median"], beside=True)
     panels[-1].set_xlabel(f"time [{unit}]")
     figure.align_ylabels(panels)
-    if len(items) > PANELS:
-        tell_omitted(figure, [item.name for item in items[PANELS:]], color="#555555")
+    tell_omitted(figure, [item.name for item in items[PANELS:]])
     return figure
 
 

@@ -46,8 +46,7 @@ def plot_result(result: Result) -> Figure:
         panel.margins(x=0.0, y=0.08)
     if len(result.time) > 1:
         panels[-1].set_xlim(result.time[0] * factor, result.time[-1] * factor)
-    if omitted:
-        tell_omitted(figure, omitted, color="#555555")
+    tell_omitted(figure, omitted)
     return figure
 
 
@@ -82,8 +81,7 @@ def plot_comparison(comparison: CurveComparison) -> Figure:
         panels[-1].set_xlim(run.time[0] * factor, run.time[-1] * factor)
     panels[-1].set_xlabel(f"time [{unit}]")
     figure.align_ylabels(panels)
-    if omitted:
-        tell_omitted(figure, omitted, color="#555555")
+    tell_omitted(figure, omitted)
     return figure
 
 

@@ -6,7 +6,7 @@ Made of matplotlib's objects only, so that no figure of the caller's session cha
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
@@ -129,7 +129,8 @@ def legend(panel: Axes, names: Iterable[str], beside: bool = False, longest: int
         text.set_text(short(name, longest))
 
 
-def tell_omitted(figure: Figure, names: Iterable[str], **options: Any) -> None:
-    """Name below a figure what is not drawn."""
-    listed = some_of([short(name, 24) for name in names], 6)
-    figure.supxlabel(f"not drawn: {listed}", fontsize=7, parse_math=False, **options)
+def tell_omitted(figure: Figure, names: Sequence[str], color: str | None = "#555555") -> None:
+    """Name below a figure what is not drawn, if there is something."""
+    if names:
+        listed = some_of([short(name, 24) for name in names], 6)
+        figure.supxlabel(f"not drawn: {listed}", fontsize=7, parse_math=False, color=color)

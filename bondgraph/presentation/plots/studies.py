@@ -36,8 +36,7 @@ def _panels(found: MonteCarlo, what: str, height: float) -> tuple[Figure, list[A
     panels = list(figure.subplots(down, across, squeeze=False).flat)
     for panel in panels[count:]:
         panel.set_visible(False)
-    if len(found.quantities) > count:
-        tell_omitted(figure, found.quantities[count:], color="#555555")
+    tell_omitted(figure, found.quantities[count:])
     return figure, panels[:count]
 
 
