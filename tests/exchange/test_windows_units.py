@@ -108,7 +108,7 @@ def test_libraries_of_windows_give_the_same_bits(fmi: str, tmp_path: Path) -> No
 
 
 @here
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.bg")))
 def test_models_of_the_gallery_give_the_same_bits(name: str, tmp_path: Path) -> None:
     """Each that a unit can hold, in co-simulation over a quarter of its experiment."""
