@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
     from ..compiled_model import CompiledModel
 
+NARROW = (
+    "Laws may be narrow in their states: co-simulation meets them; in model exchange steps have to be short enough to."
+)
 SOURCES = ("program.c", "fmu.c")
 READABLE = 0o644 << 16
 OPTIMISED = 1  # level of the runtime
@@ -165,10 +168,10 @@ def _head(compilation: Compilation, plan: Plan, values: StartValues, token: str)
 
 
 def _description(compilation: Compilation) -> str:
-    """Return the text that an author has put behind the name of a model."""
+    """Return the text that an author has put behind the name of a model, and what an importer has to know of its laws."""
     model = compilation.tree.models.get(compilation.whole_graph.name)
     texts = [s.text for s in model.statements if isinstance(s, api.Description)] if model is not None else []
-    return texts[0] if texts else ""
+    return " ".join([*texts[:1], *([NARROW] if compilation.lowered.peaks else [])])
 
 
 def _library(parts: _UnitParts, platform: str) -> bytes:

@@ -9,7 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..algebra.expression import ONE, ZERO, Apply, Expression, Number, add, call, divide, multiply, power, select
+from ..algebra.expression import (
+    ONE,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    add,
+    call,
+    divide,
+    multiply,
+    negate,
+    power,
+    rebuild,
+    select,
+)
+from ..algebra.operators import OPERATORS
 
 LEAST = Number(1e-300)
 Window = tuple[Expression, Expression, Expression, Expression]  # u, r, a sign, and what a factor of zero leaves
@@ -23,6 +38,41 @@ def indicator(left: Expression, right: Expression, is_fixed: Callable[[Expressio
             if found is not None:
                 return multiply(Number(side), found)
     return left - right
+
+
+def parts_of(x: Expression, is_fixed: Callable[[Expression], bool]) -> tuple[Expression, Expression, Expression] | None:
+    """Return a, b, s such that an expression is the larger of a and b where s > 0, the smaller where s < 0, or a where a condition s holds, else b.
+
+    None if it has no max, min, abs or choice, but for functions that rise around it.
+
+    A condition on it is then one on each of both, with `and` or `or`: a corner that dips below zero for 1e-12 of the range has no place for a polynomial.
+    """
+    if is_fixed(x) or not isinstance(x, Apply):
+        return None
+    if x.operator in ("max", "min", "abs"):
+        u, *v = x.operands
+        return u, v[0] if v else negate(u), Number(-1.0) if x.operator == "min" else ONE
+    if x.operator == "select" and not is_fixed(x.operands[0]):
+        return x.operands[1], x.operands[2], x.operands[0]
+    moving = [i for i, o in enumerate(x.operands) if not is_fixed(o)]
+    row = OPERATORS.get(x.operator)
+    rises = row is not None and row.course == "rising" and row.is_total
+    scaled = len(moving) == 1 and (x.operator == "multiply" or (x.operator == "divide" and moving == [0]))
+    for i in moving if scaled or rises or x.operator == "add" else ():
+        if (parts := parts_of(x.operands[i], is_fixed)) is not None:
+            a, b = (rebuild(x.operator, (*x.operands[:i], part, *x.operands[i + 1 :])) for part in parts[:2])
+            if scaled and is_fixed(parts[2]):
+                return a, b, multiply(parts[2], *(call("sign", o) for o in x.operands if is_fixed(o)))
+            return a, b, parts[2]
+    return None
+
+
+def count_parts(x: Expression, is_fixed: Callable[[Expression], bool], most: int) -> int:
+    """Return the number of expressions of which one is one everywhere, without its max, min, abs and choices; or any number above `most`."""
+    if (parts := parts_of(x, is_fixed)) is None:
+        return 1
+    count = count_parts(parts[0], is_fixed, most)
+    return count if count > most else count + count_parts(parts[1], is_fixed, most - count)
 
 
 def window(left: Expression, right: Expression, is_fixed: Callable[[Expression], bool]) -> Window | None:

@@ -7,12 +7,14 @@ Steps (tanh, a logistic function) and kinks show in the error of a step. They ha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
+from ..algebra.derivative import NotDifferentiable, derivative
 from ..algebra.expression import ONE, ZERO, Apply, Expression, Number, Symbol, divide, negate, never_negative, symbols
 from ..algebra.operators import CONDITIONS, OPERATORS
 from ..algebra.systems import SYSTEMS
 from ..algebra.table import lists
+from .limits import Leaf
 from .switching import rough_knots
 from .tape import operands_first
 
@@ -25,10 +27,10 @@ MOST = 8  # places of one operation
 
 
 class Peaks:
-    """Search for peaks in operations, operands first. `moves` returns True for what changes within a step."""
+    """Search for peaks in operations, operands first. `moves` returns True for what changes within a step; `rates`: of symbols that have one."""
 
-    def __init__(self, moves: Callable[[Expression], bool]) -> None:
-        self.moves = moves
+    def __init__(self, moves: Callable[[Expression], bool], rates: Mapping[Symbol, Expression]) -> None:
+        self.moves, self.rates = moves, rates
         self.pairs: dict[tuple[Expression, Expression], None] = {}  # places and values
         self.affine: set[Expression] = set()
         self.steps: dict[Expression, Places] = {}  # operations with steps or kinks -> where
@@ -47,17 +49,17 @@ class Peaks:
         if not moving or (linear and all(o in self.affine for o in moving)):
             self.affine.add(node)
             return
-        place, turns = self.place_of(moving[0])
+        places, turns = self.places_of(moving[0])
         match node:
             case Apply(operator="exp"):
                 if turns:
-                    self._put([place], node)
+                    self._put(places, node)
                 else:
-                    self.exponentials[node] = (place,)
+                    self.exponentials[node] = places
             case Apply(operator=operator, operands=(x,)) if operator in STEPS:
-                self.steps[node] = (place if turns == 2 else x,)
+                self.steps[node] = places if turns == 2 else (x,)
                 if turns == 2:
-                    self._put([place], node)
+                    self._put(places, node)
             case Apply(operator=operator, operands=(order, at, *_)) if operator in TABLES and order == ZERO:
                 places, heights, *_ = lists(node)
                 self._put((at - places[k] for k in rough_knots(places, heights)), node)
@@ -72,8 +74,8 @@ class Peaks:
             case _:
                 self._join(node, moving, linear)
 
-    def place_of(self, x: Expression) -> tuple[Expression, int]:
-        """Return a function that is zero or turns where an argument turns, and 2 if that is a square or a sum of them, 1 for a wave or a sum with a square.
+    def places_of(self, x: Expression) -> tuple[Places, int]:
+        """Return functions that are zero or turn where an argument turns, and 2 if that is a square or a sum of them, 1 if it turns for another reason.
 
         Monotone functions around it are left out: they may be as narrow as the law. An argument that does not turn is returned with 0.
         """
@@ -81,15 +83,33 @@ class Peaks:
             moving = [o for o in x.operands if self.moves(o)]
             squared = x.operator == "multiply" and len(moving) == 2 and moving[0] in (moving[1], negate(moving[1]))
             if squared or (len(moving) == 1 and _is_even(x)):
-                return moving[0], 2
+                return (moving[0], *self._slope(moving[0])[0]), 2
             rises = x.operator in OPERATORS and OPERATORS[x.operator].course in ("rising", "falling")
             if len(moving) != 1 or not (rises or x.operator in MONOTONE):
                 waves = x.operator in ("sin", "cos") or any(
-                    self.place_of(o)[1] == 2 for o in moving if x.operator == "add"
+                    self.places_of(o)[1] == 2 for o in moving if x.operator == "add"
                 )
-                return x, 2 if never_negative(x) else int(waves)
+                slopes, bends = self._slope(x)
+                return slopes or (x,), 2 if never_negative(x) else int(waves or bends)
             x = moving[0]
-        return x, 0
+        return (x,), 0
+
+    def _slope(self, x: Expression) -> tuple[Places, bool]:
+        """Return the slope of a function along a motion, which crosses zero where the function only touches a value, and True if it may turn.
+
+        By its only symbol, or with the rates of all of them: these may be as narrow as the law, so the function itself counts, too.
+        """
+        if x in self.affine:
+            return (), False
+        names = [s for s in symbols(x) if self.moves(s) or s in self.rates]
+        try:
+            slopes = [derivative(x, s) for s in names]
+        except NotDifferentiable:
+            return (), False
+        if len(names) == 1 or not all(s in self.rates for s in names):
+            bends = len(names) == 1 and self.moves(slopes[0])
+            return tuple(slopes) if bends else (), bends
+        return (x, sum((slope * self.rates[s] for slope, s in zip(slopes, names, strict=True)), ZERO)), False
 
     def _put(self, places: Iterable[Expression], value: Expression) -> None:
         self.pairs |= dict.fromkeys((place, value) for place in places)
@@ -100,9 +120,9 @@ class Peaks:
             self.steps[node] = self.exponentials[below]
             self._put(self.exponentials[below], node)
             return
-        place, turns = self.place_of(below)
-        if turns == 2:
-            self._put([place], value)
+        places, turns = self.places_of(below)
+        if turns:
+            self._put(places, value)
         self._join(node, moving, False)
 
     def _join(self, node: Apply, moving: list[Expression], linear: bool, kinks: Places = ()) -> None:
@@ -141,9 +161,11 @@ def _is_even(x: Apply) -> bool:
     return x.operator in ("cosh", "abs")
 
 
-def peaks(roots: Iterable[Expression], moves: Callable[[Expression], bool]) -> Places:
-    """Return the places of all peaks behind some expressions, then the values there."""
-    search = Peaks(moves)
-    for node in operands_first(tuple(roots), {}):
+def peaks(rates: Iterable[Expression], states: int, moves: Callable[[Expression], bool]) -> Places:
+    """Return the places of all peaks behind rates, of some states and then residuals, and then the values there."""
+    roots = tuple(rates)
+    known = {Symbol(Leaf("state", i)): rate for i, rate in enumerate(roots[:states])}
+    search = Peaks(moves, {Symbol(Leaf("time", 0)): ONE, **known})
+    for node in operands_first(roots, {}):
         search.read(node)
     return (*(place for place, _ in search.pairs), *(value for _, value in search.pairs))

@@ -33,7 +33,7 @@ from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import NoiseOutOfStep
 from .events import Count, Located
-from .indicators import indicator, window
+from .indicators import count_parts, indicator, parts_of, window
 from .limits import Leaf
 from .lowered import Lowered
 from .program import ConditionNote
@@ -213,7 +213,33 @@ class Switching:
         rough = [place - places[k] for k in rough_knots(places, heights)]
         return [*rough, call("sin", Number(pi) * counted(x, place))]
 
+    def _parted(self, condition: Apply) -> Expression | None:
+        """The condition on an expression with max, min, abs or a choice as conditions on its parts; None for others, and for too many parts."""
+        if not self.located or condition.operator not in ("less", "less_equal") or condition in self.guards:
+            return None
+        for i, side in enumerate(condition.operands):
+            parts = parts_of(side, self._is_fixed)
+            if parts is None or count_parts(side, self._is_fixed, MOST_PIECES) > MOST_PIECES:
+                continue
+            both = [
+                call(condition.operator, *condition.operands[:i], p, *condition.operands[i + 1 :]) for p in parts[:2]
+            ]
+            self.authored.update(both)
+            of_a, of_b = map(self.replaced, both)
+            if not self._is_fixed(parts[2]):
+                where = self.replaced(parts[2])
+                return call("or", call("and", where, of_a), call("and", call("not", where), of_b))
+            sign = parts[2] if i == 0 else negate(parts[2])
+            every, some = call("and", of_a, of_b), call("or", of_a, of_b)
+            if isinstance(sign, Number):
+                return every if sign.value > 0 else some
+            return call("or", every, call("and", call("less", sign, ZERO), some))
+        return None
+
     def _mode(self, condition: Apply, alone: bool) -> Expression:
+        if not alone and condition not in self.modes and (parted := self._parted(condition)) is not None:
+            self.modes[condition] = parted
+            return parted
         operands = tuple(map(self.replaced, condition.operands))
         if condition in self.modes:
             return self.modes[condition]

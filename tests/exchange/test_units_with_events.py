@@ -74,6 +74,15 @@ def test_plateaus_at_zero_count_as_in_a_run(kind: str, tmp_path: Path) -> None:
     assert [found[name][-1] for name in names] == list(counts.values())
 
 
+def test_a_unit_tells_importers_of_laws_that_may_be_narrow(tmp_path: Path) -> None:
+    """In co-simulation a bell of a state has its area; the description says that an importer's own steps may pass it."""
+    text = 'plain model A {{ "Passes."\n signal x = integral(1, 0), y = integral({law}, 0)\n output last = y }}'
+    assert exported(text.format(law="x"), tmp_path).description == "Passes."
+    assert "model exchange" in exported(text.format(law="exp(-(x*x - 7.4*x + 3.7^2)/1e-3^2)"), tmp_path).description
+    found = run(tmp_path, "CoSimulation", stop_time=6.0, output_interval=3.0, output=["last"])
+    assert found["last"][-1] == pytest.approx(1e-3 * np.sqrt(np.pi), rel=1e-4)
+
+
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_communication_points_are_instants_but_for_rounding(fmi: str, tmp_path: Path) -> None:
     """0.1 + 0.2 is an ulp behind the sample at 0.3: neither that way nor what follows it is too short for a step."""

@@ -1,4 +1,4 @@
-"""Windows |u| < r on states, down to 1e-13 of the range: even powers, products of them, absolute values, roots, and what is fixed beside them."""
+"""Windows |u| < r on states, down to 1e-13 of the range: even powers, products of them, max, min, absolute values, choices, roots, and what is fixed beside them."""
 
 from __future__ import annotations
 
@@ -39,8 +39,41 @@ FORMS = {  # condition: the places that it surrounds
     "(x - 0.2)^4*(x + 0.3)^2 < w^2": [0.2, -0.3],
     "abs(x - 0.2)*abs(x + 0.3) < w": [0.2, -0.3],
     "(x*cos(x))^2 < w^2": [0.0],
+    "max(x, -x) < w": [0.0],
+    "min(x - 0.1, 0.1 - x) > -w": [0.1],
+    "-k*max(3*x, -x) > -k*w": [0.0],
+    "max(0, 1 - abs(x)/w) > 0.5": [0.0],
+    "max(x, 0) + max(-2*x, 0) <= w": [0.0],
+    "tanh(max(abs(x - 0.2), x - 0.2)) < w": [0.2],
+    "(x if x > 0 else -x) < w": [0.0],
+    "abs(abs(x) - 0.3) < w": [-0.3, 0.3],
     "x^2 < w^2 or (x - 0.5)^2 < w^2": [0.0, 0.5],
 }
+
+
+@pytest.mark.parametrize("start", [-3, -2.5])
+def test_what_fails_at_one_instant_alone_stays_true(start: float) -> None:
+    """Both sides of a corner that touches zero, as they may be written: x is zero exactly at one instant, at which nothing acts."""
+    forms = (
+        "abs(x) > 0",
+        "max(x, -x) > 0",
+        "(x if x > 0 else -x) > 0",
+        "(-x if x < 0 else x) > 0",
+        "(x if x > 1 else 2 - x) > 1",
+    )
+    events = "; ".join(f"mode n{i} = 0; when {form} {{ n{i} = n{i} + 1 }}" for i, form in enumerate(forms))
+    text = f"model Touches {{ signal x = integral(1/1 s, {start}); {events}; output hits = {' + '.join(f'n{i}' for i in range(len(forms)))} }}"
+    for solver in ("explicit", "radau", "rodas"):
+        assert bondgraph.load(text).simulate(to=10, points=3, solver=solver).final("hits") == len(
+            forms
+        )  # each at the start
+
+
+@pytest.mark.parametrize("condition", ["max(x, -x) < w", "max(0, 1 - abs(x)/w) > 0.5", "tanh(max(3*x, -x)) < w"])
+def test_no_corner_is_passed_over(condition: str) -> None:
+    model = bondgraph.load(TEXT.format(width=1, condition=condition, rate=0.61, start=-0.7))
+    for width, solver in ((1e-9, "radau"), (3e-12, "explicit"), (3e-12, "radau")):
+        assert model.simulate(settings={"w": width}, points=3, solver=solver).final("hits") == 1
 
 
 @pytest.mark.few(6)

@@ -88,13 +88,13 @@ def peak_turning(s: IntegratorWorkspace, size: float, j: int, k: int) -> float:
     return b
 
 
-def peak_height(s: IntegratorWorkspace, size: float, j: int, at: float, count: int) -> float:
-    """Return by how much a value at a fraction of a step is off the polynomial through those at the first nodes."""
+def peak_height(s: IntegratorWorkspace, size: float, j: int, at: float, count: int, but: int) -> float:
+    """Return by how much a value at a fraction of a step is off the polynomial through those at the first nodes, without the node number `but`."""
     off = crossed_at(s, size, at, s.bend_count + s.peak_count + j)
     for k in range(count):
-        weight = s.peak_seen[(2 * k + 1) * s.peak_count + j]
+        weight = s.peak_seen[(2 * k + 1) * s.peak_count + j] if k != but else 0.0
         for i in range(count):
-            if i != k:
+            if i != k and i != but:
                 weight *= (at - s.peak_nodes[i]) / (s.peak_nodes[k] - s.peak_nodes[i])
         off -= weight
     return off
@@ -103,22 +103,26 @@ def peak_height(s: IntegratorWorkspace, size: float, j: int, at: float, count: i
 def end_before_peak(s: IntegratorWorkspace, size: float, j: int, at: float) -> float:
     """Return where a step should end because of a peak at a fraction of it that its nodes have not seen; 1 if they have, or if it does not count."""
     count = s.peak_node_count
-    off = peak_height(s, size, j, at, count)
+    but = 1
+    for k in range(2, count):
+        but = k if abs(s.peak_nodes[k] - at) < abs(s.peak_nodes[but] - at) else but
+    off = peak_height(s, size, j, at, count, but)
     height = abs(off)
-    least = UNSEEN * abs(peak_height(s, size, j, at, count - 1) - off)
+    least = UNSEEN * abs(peak_height(s, size, j, at, count - 1, but) - off)
     low = 0.0
     high = 1.0
     for k in range(count):
         least = max(least, ROUNDED * abs(s.peak_seen[(2 * k + 1) * s.peak_count + j]))
-        low = s.peak_nodes[k] if s.peak_nodes[k] < at else low
-        high = s.peak_nodes[count - 1 - k] if s.peak_nodes[count - 1 - k] > at else high
+        low = s.peak_nodes[k] if s.peak_nodes[k] < at and k != but else low
+        i = count - 1 - k
+        high = s.peak_nodes[i] if s.peak_nodes[i] > at and i != but else high
     if not height > least:
         return 1.0
     narrowest = max(NARROWEST, 1e3 * ulp(s.time) / size)
     gap = high - low
-    while at - low > narrowest and abs(peak_height(s, size, j, 0.5 * (low + at), count)) <= OUTSIDE * height:
+    while at - low > narrowest and abs(peak_height(s, size, j, 0.5 * (low + at), count, but)) <= OUTSIDE * height:
         low = 0.5 * (low + at)
-    while high - at > narrowest and abs(peak_height(s, size, j, 0.5 * (at + high), count)) <= OUTSIDE * height:
+    while high - at > narrowest and abs(peak_height(s, size, j, 0.5 * (at + high), count, but)) <= OUTSIDE * height:
         high = 0.5 * (at + high)
     if high - low == gap or min(at - low, high - at) <= narrowest or not peak_area(s, size, low, at, high) > BENT:
         return 1.0
