@@ -13,12 +13,20 @@ from ..simulation.integrators.compiled.pilot_run import SMALL, pilot_forms
 from ..simulation.integrators.compiled.record_layout import RecordBatch
 from ..simulation.integrators.compiled.run import Ordered
 from ..simulation.integrators.compiled.selection_record import selection_batch
-from ..simulation.integrators.linear_algebra.sparse import FINE
+from ..simulation.integrators.linear_algebra.sparse import FINE, SINGULAR
 from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
 from ..simulation.magnitudes.free_response import FreeResponse, free_responses, is_bounded
 from ..simulation.magnitudes.nominal_magnitudes import nominal_magnitudes, raised
 from ..simulation.magnitudes.pilot_horizon import goes_astray
-from ..simulation.magnitudes.pilot_run import COARSE, SMALLEST_STEP, STEPS, STIFFER, PilotObservation, smallest_angles
+from ..simulation.magnitudes.pilot_run import (
+    COARSE,
+    SMALLEST_STEP,
+    STEPS,
+    STIFFER,
+    PilotObservation,
+    before_explosion,
+    smallest_angles,
+)
 from ..simulation.segments.timeline import Segment, always, follower, signals_on
 from .runs import BatchCourse, Runs
 from .scope import BatchScene
@@ -77,6 +85,7 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
     reach = free_reach(scene, runs, first)
     loop, steps = _records(scene, runs, reach, first)
     sound, taken = np.ones(len(runs), dtype=bool), np.zeros(len(runs), dtype=int)
+    stopped = ~sound  # runs that gave up
     choice = scene.state_selection(runs.constants)
     if choice:
         loop.put({"selection": selection_batch(choice, choice.peak)})
@@ -98,7 +107,7 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
                 "stop": stretch.stop,
             }
         )
-        _advance(loop, "coarse", sound)
+        stopped |= _advance(loop, "coarse", sound)
         times, taken = loop["time"], loop["taken"].copy()
         sound &= (taken < MOST_STEPS) & (taken + 1 != CAREFUL)
         ends = {
@@ -108,17 +117,23 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
         loop.put({"size": stretch.stop - times})
         _advance(loop, "last_step", sound)
         taken = loop["taken"].copy()
-    largest = steps["largest"].copy()
+    largest, reached = steps["largest"].copy(), loop["time"] - first.start
+    until = loop["until"].reshape(len(runs), NOTES, -1)
+    largest[stopped] = before_explosion(*(a[stopped] for a in (largest, loop["far"], until, loop["noted"], reached)))
+    sound |= stopped
     driven = len(scene.program.signals(first.start, scene.inputs, runs.constants[0], first.mode)) > 0
     if not driven and len(stretches) == 1:
         sound &= ~goes_astray(scene.program, largest, reach.beginning)
     return largest, sound
 
 
-def _advance(loop: RecordBatch, source: str, sound: Any) -> None:
-    """Call a function for the runs that are sound; those with another answer than `FINE` are not any more."""
-    rows = np.flatnonzero(sound)
-    sound[rows] = loop.call(source, rows) == FINE
+def _advance(loop: RecordBatch, source: str, sound: Any) -> Any:
+    """Call a function for the runs that are sound; those with another answer than `FINE` are not any more. Return a mask of those without a short
+    enough step."""
+    rows, failed = np.flatnonzero(sound), np.zeros(len(sound), dtype=bool)
+    answers = loop.call(source, rows)
+    sound[rows], failed[rows] = answers == FINE, answers == SINGULAR
+    return failed
 
 
 def _follows(scene: BatchScene, stretch: Segment, course: BatchCourse) -> Any:

@@ -173,15 +173,9 @@ class PilotRun:
         return CompiledPilotRun(self.compiled, motion, others, 1 if self.constraints else pilot.MOST_STEPS)
 
     def _given_up(self, start: float, time: float) -> Any:
-        """Return the magnitudes where the pilot run ends before the run does.
-
-        A state that has grown without bound in the second half counts with its earlier magnitude: the tolerance of an exploding state would be useless
-        for everything that the run reports before.
-        """
+        """Return the magnitudes where the pilot run ends before the run does."""
         self.stopped = time
-        half = int((self.far[: self.noted] <= 0.5 * (time - start)).sum())
-        before = self.until[half - 1] if half else self.largest
-        return np.where((before > 0) & (self.largest > EXPLODED * before), before, self.largest)
+        return before_explosion(self.largest, self.far, self.until, np.array(self.noted), np.array(time - start))
 
     def _follows(self, stretch: Segment, stretches: int, whole: float) -> Callable[[float, float], bool]:
         """Return the test that a step resolves the signals of time, also at the ends of a segment, which may be the crest of a pulse."""
@@ -202,6 +196,18 @@ class PilotRun:
         except np.linalg.LinAlgError:
             return None
         return basis.T @ (whole[:count, :count] - whole[:count, count:] @ follow) @ basis
+
+
+def before_explosion(largest: Array, far: Array, until: Array, noted: Array, reached: Array) -> Any:
+    """Return magnitudes (…, n) of pilot runs that gave up at a time (…,) after their beginning; records as in `Progress`, with the same leading axes.
+
+    A state that has grown without bound in the second half counts with its earlier magnitude: the tolerance of an exploding state would be useless
+    for everything that the run reports before.
+    """
+    half = ((far <= 0.5 * reached[..., None]) & (np.arange(far.shape[-1]) < noted[..., None])).sum(axis=-1)
+    last = np.take_along_axis(until, np.maximum(half - 1, 0)[..., None, None], axis=-2)[..., 0, :]
+    before = np.where(half[..., None] > 0, last, largest)
+    return np.where((before > 0) & (largest > EXPLODED * before), before, largest)
 
 
 def _ends(pace: StepSchedule, follows: Callable[[float, float], bool]) -> bool:
