@@ -179,7 +179,16 @@ _OPEN = ("Any", "Submitting")  # what has no type of its own
 
 def _fits(value: object, annotation: str) -> bool:
     """Return True if a value is of one of the kinds in an annotation."""
+    kind = type(value)
+    if kind in (float, int) or (kind is str and value):  # most are, and their type alone decides
+        return _example_fits(kind, annotation)
     return any(_is_of(value, *kind) for kind in _kinds(annotation))
+
+
+@cache
+def _example_fits(kind: type, annotation: str) -> bool:
+    """Return True if numbers, or texts that are not empty, are of one of the kinds in an annotation."""
+    return any(_is_of(kind(1), *some) for some in _kinds(annotation))
 
 
 def _is_of(value: object, kind: str, parts: tuple[str, ...]) -> bool:

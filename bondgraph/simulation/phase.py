@@ -60,6 +60,11 @@ class PhaseOptions:
     parts: int = 1  # of each segment
     extremes: bool = False  # those of the outputs are searched between the reported instants
 
+    def at(self, values: Mapping[str, float]) -> PhaseOptions:
+        """Return the same with other values."""
+        others = self.solver, self.bandwidth, self.parts, self.extremes
+        return PhaseOptions(self.plan, self.rtol, self.atol, self.energy, values, *others)
+
 
 # Junctions that are off, and discrete variables by name, with which a run begins.
 SwitchedStart = tuple[tuple[str, ...], tuple[tuple[str, float], ...]]
@@ -119,10 +124,13 @@ class Phase:
 
     def _given(self, program: Program) -> Any:
         """Return the parameters of this run, shape (P,)."""
-        values = self.options.values
-        if not values:
-            return np.array(program.defaults, dtype=float)
-        return np.array([values.get(n, d) for n, d in zip(program.parameters.names, program.defaults, strict=True)])
+        parameters, kept = np.array(program.defaults, dtype=float), program.kept
+        places = kept.get("parameters") or {n: place for place, n in enumerate(program.parameters.names)}
+        kept["parameters"] = places
+        for name, value in self.options.values.items():
+            if name in places:
+                parameters[places[name]] = value
+        return parameters
 
     def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
         """Return the segments of this phase; for a program used before in the run, its remaining segments. `known`: timelines of all programs of the run."""

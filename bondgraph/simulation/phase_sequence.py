@@ -151,6 +151,7 @@ class PhaseSequence:
         values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
         with np.errstate(all="ignore"):  # a run may end where a quantity has no value
             end = legs[-1].end(self.stop)
+            cancelled = _cancelled(legs, values, self.options.rtol, plan.start)
         time, halted = self.instants[: len(values)], legs[-1].trajectory.stopped
         if halted is not None:
             time = np.append(time[:-1], halted)
@@ -166,7 +167,7 @@ class PhaseSequence:
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), evaluations, self.options.rtol, clock.perf_counter() - self.began,
-            balance, (*_warnings(legs), *_cancelled(legs, values, self.options.rtol, plan.start)), legs[0].compilation.certificate,
+            balance, (*_warnings(legs), *cancelled), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
             acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs),
         )  # fmt: skip
@@ -263,11 +264,8 @@ def _cancelled(legs: Sequence[Phase], values: Array, rtol: float, begin: float) 
     """Return warnings on outputs that are less than the tolerance leaves of their terms."""
     exact = all(list(leg.trajectory.solvers) == [SOLVERS["exponential"].name] for leg in legs)
     accuracy = EXACT if exact else max(rtol, EXACT)
-    with np.errstate(all="ignore"):
-        terms = (
-            np.max([leg.terms_of_outputs() for leg in legs], axis=0) if len(legs) > 1 else legs[0].terms_of_outputs()
-        )
-        return doubts_on_outputs(legs[0].program.outputs.names, values, terms, accuracy, begin)
+    terms = np.max([leg.terms_of_outputs() for leg in legs], axis=0) if len(legs) > 1 else legs[0].terms_of_outputs()
+    return doubts_on_outputs(legs[0].program.outputs.names, values, terms, accuracy, begin)
 
 
 def _solver(program: Program, legs: Sequence[Phase]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def simulate_once(model: CompiledModel, request: RunRequest, start: Result | Non
     experiment, settings, outputs = request.experiment, request.settings, request.outputs
     energy = request.options.energy or (start is not None and start.energy is not None)
     target, by_name = chosen_target(request.options.target), request.options.target == "native"
-    wanted = replace(request.options, target=target, energy=energy)
+    wanted = _completed(request.options, target, energy)
     settled = settle(model, experiment, settings, outputs, energy, target)
     try:
         result = run(model, settled.scene, settled.values, wanted, start)
@@ -62,6 +63,11 @@ def simulate_once(model: CompiledModel, request: RunRequest, start: Result | Non
     names = ", ".join(f"`{n} = 0`" for n in sorted(settled.scene.fixed))
     note = f"{names}: the equations are others than with values that are not zero, and were made for this run"
     return replace(result, notes=(*result.notes, note))
+
+
+@lru_cache
+def _completed(options: RunOptions, target: str, energy: bool) -> RunOptions:
+    return replace(options, target=target, energy=energy)
 
 
 def _without_machine_code(model: CompiledModel, scene: Scene, wanted: RunOptions, target: str) -> tuple[str, ...]:
@@ -99,7 +105,7 @@ def run(
     if before is not None and scene.from_start and before.identity != compiled_scene.facts.identity:
         scene = replace(scene, from_start=False)  # what nothing excites here may have moved in a run of other starts
         compiled_scene = made(scene, energy)
-    run = PhaseSequence(made, scene, replace(plan.options, values=values), plan.instants.copy(), began)
+    run = PhaseSequence(made, scene, plan.options.at(values), plan.instants.copy(), began)
     run.accuracy = plan.accuracy
     if start is not None:
         from .resume import resumed

@@ -18,10 +18,12 @@ import numpy as np
 
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded, full_name
 
+from ..compiled_model import MOST_KEPT, CompiledModel
+from ..memo import keep
+
 if TYPE_CHECKING:
     from compiler.api import Array, Compilation, Expression, RunMetadata, Scale
 
-    from ..compiled_model import CompiledModel
     from ..compiled_scene import CompiledScene
 
 Settings = Mapping[str, str | float]
@@ -60,13 +62,18 @@ def settle(
             key = "settings", experiment, tuple(written.items()), later, outputs, everything, target
             compiled_scene = model.recall(key, compiled)
             scene, facts = compiled_scene.scene, compiled_scene.facts
-            values = {n: numbers[n].value for n in sorted(later)}
+            those = {n: numbers[n] for n in sorted(later)}
+            values = {n: number.value for n, number in those.items()}
+            accepted = "accepted", *key  # the numbers of the last run, which need no second look
+            if model.kept.get(accepted) == those:
+                return Settled(scene, values)
             zeros = frozenset(name for name, number in numbers.items() if number.value == 0)
             if any(names <= zeros for names in facts.zero_divisors):
                 return Settled(scene_with(settings, fixed=zeros), {})
-            if _fits(facts, {n: numbers[n] for n in later}, values):
-                if any(n in facts.looped for n in later):
+            if _fits(facts, those, values):
+                if not facts.looped.isdisjoint(later):
                     compiled_scene.compilation.refuse_values(values)
+                keep(model.kept, accepted, those, MOST_KEPT)
                 return Settled(scene, values)
         except ValuesNeeded as needed:
             if later & needed.names:

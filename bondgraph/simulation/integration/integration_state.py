@@ -217,7 +217,11 @@ class IntegrationState:
 
     def held(self, time: float, x: Array, mode: Array) -> Any:
         """Return a state projected on its invariants, with the unknowns that belong to it."""
-        return self.loops.solve(time, self.constraints.project(time, x, mode), mode)
+        return self.solved(time, self.constraints.project(time, x, mode), mode)
+
+    def solved(self, time: float, x: Array, mode: Array) -> Any:
+        """Return a state with the unknowns that belong to it."""
+        return self.loops.solve(time, x, mode) if self.program.unknowns.names else x
 
     def held_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Return projected states at several instants, with their unknowns; shape (times, n)."""
@@ -226,7 +230,7 @@ class IntegrationState:
     def tell_crawling(self, solver: CompiledMethod, steps: int, segment: Segment) -> None:
         """Note in the result the cause of very many steps in a segment, and states far beyond their magnitudes."""
         flip, magnitude = self.flip, self.tolerances.magnitude  # what lies behind an event in its step never comes
-        time, state = (float(solver.time), solver.state) if flip is None else (flip.time, flip.state / magnitude)
+        time, state = (solver.record.time, solver.state) if flip is None else (flip.time, flip.state / magnitude)
         if is_usual(state, steps):
             return
         context = self.context

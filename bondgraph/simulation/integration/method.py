@@ -37,51 +37,53 @@ UNCLEAR = -1  # no method
 ENOUGH = 64  # most discrete modes examined: others are assumed to be like most of them
 
 
-def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: bool) -> int:
+# The method of a segment, evaluations of the trial steps that chose it, and True if it is also that of all further segments.
+Chosen = tuple[int, dict[str, int], bool]
+
+
+def method_of(stepper: IntegrationState, stretch: Segment, x: Array, compiled: bool) -> Chosen:
     """Return the method that goes on from state x. Raises `UsageError` where the requested one is not possible."""
     if stepper.solver != AUTOMATIC:
         solver = SOLVERS[stepper.solver]
         if obstacle := _obstacle(stepper, stretch, solver, compiled):
             sentence, advice = solver.refusal
             raise UsageError("BR712", f"{sentence}: {obstacle};", f"{advice}")
-        return METHODS.index(solver)
+        return METHODS.index(solver), {}, False
     if stepper.result.settled is not None:
-        return stepper.result.settled
+        return stepper.result.settled, {}, False
     fits = len(x) <= (FEWER if compiled else FEWEST)
     if fits and not _obstacle(stepper, stretch, METHODS[EXPONENTIAL], compiled):
-        return EXPONENTIAL
+        return EXPONENTIAL, {}, False
     if (
         _obstacle(stepper, stretch, METHODS[EXPLICIT], compiled)
         or stepper.program.bends is not None
         or stepper.history is not None
         or (len(x) > LARGEST_INTERPRETED and not compiled)
     ):
-        return RADAU
+        return RADAU, {}, False
     if stepper.program.hybrid is None:
         return _by_spectrum(stepper, stretch, x)
     # Events return to modes that have been examined before.
     known, key = stepper.methods, np.asarray(stretch.mode).tobytes()
     if key not in known and len(known) >= ENOUGH:
-        return Counter(known.values()).most_common(1)[0][0]
-    if key not in known:
-        known[key] = _by_spectrum(stepper, stretch, x)
-    return known[key]
+        return Counter(known.values()).most_common(1)[0][0], {}, False
+    if key in known:
+        return known[key], {}, False
+    chosen = _by_spectrum(stepper, stretch, x)
+    known[key] = chosen[0]
+    return chosen
 
 
-def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> int:
-    """Return the method that fits the eigenvalues on a segment; count the evaluations of trial steps, also where an earlier run has made them."""
-    key = stepper.key_at(stretch, x)
-    method, evaluations, settled = stepper.constraints.recall(
-        "method", key, lambda: _examined(stepper, stretch, x), lambda answer: len(x) // LARGEST
+def _by_spectrum(stepper: IntegrationState, stretch: Segment, x: Array) -> Chosen:
+    """Return the method that fits the eigenvalues on a segment; evaluations of trial steps count, also where an earlier run has made them."""
+    chosen: Chosen = stepper.constraints.recall(
+        "method", stepper.key_at(stretch, x), lambda: _examined(stepper, stretch, x), lambda answer: len(x) // LARGEST
     )
-    stepper.count(evaluations)
-    if settled:
-        stepper.result.settled = method
-    return int(method)
+    return chosen
 
 
-def _examined(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[int, dict[str, int], bool]:
-    """Return the method, evaluations of trial steps, and True if it is also that of all further segments."""
+def _examined(stepper: IntegrationState, stretch: Segment, x: Array) -> Chosen:
+    """Return what the eigenvalues and trial steps choose."""
     rates = _spectrum(stepper, stretch, x)
     method = RADAU if rates is None else int(clear_method(rates, stretch.stop - stretch.start))
     return _tried(stepper, stretch, x) if method == UNCLEAR else (method, {}, False)
@@ -102,23 +104,30 @@ def after_trial(stiff: Any, finished: Any) -> tuple[Any, Any]:
 
 def _obstacle(stepper: IntegrationState, stretch: Segment, solver: Solver, compiled: bool) -> str:
     """Return the reason why a method is not possible on a segment; empty if it is."""
-    program = stepper.program
+    kept, key = stepper.program.kept, ("obstacle", solver.word, compiled)
+    if key not in kept:
+        kept[key] = _obstacle_in(stepper.program, solver, compiled)
+    obstacle: str = kept[key]
+    if solver.exact and not obstacle:
+        return dict(solver.refused).get(_inexact(stepper, stretch), "")
+    return obstacle
+
+
+def _obstacle_in(program: Program, solver: Solver, compiled: bool) -> str:
+    """Return the reason why a method is not possible for a program; empty if it is."""
     states = len(program.states.names) + len(program.unknowns.names)
     has = {
-        "constraints": bool(stepper.constraints),
+        "constraints": bool(program.multipliers),
         "unknowns": bool(program.unknowns.names),
         "events": program.hybrid is not None,
-        "delays": stepper.history is not None,
+        "delays": program.delays is not None,
         "kinks": program.bends is not None,
         "size": states > LARGEST and not compiled,
         "sparse": is_sparse(program),
         "laws": not is_piecewise_affine(program),
         "many": states > FEW,
     }
-    reasons = dict(solver.refused)
-    obstacle = next((reason for name, reason in reasons.items() if has.get(name)), "")
-    if solver.exact and not obstacle:
-        obstacle = reasons.get(_inexact(stepper, stretch), "")
+    obstacle = next((reason for name, reason in solver.refused if has.get(name)), "")
     return obstacle.format(most=LARGEST, few=FEW, states=states)
 
 
@@ -171,7 +180,7 @@ def spectrum(program: Program, entries: Array) -> Any:
     return np.linalg.eigvals(matrices)
 
 
-def _tried(stepper: IntegrationState, stretch: Segment, x: Array) -> tuple[int, dict[str, int], bool]:
+def _tried(stepper: IntegrationState, stretch: Segment, x: Array) -> Chosen:
     """Return the same from some trial steps of the explicit method, which are not kept."""
     try:
         evaluations, stiff, finished = explicit_trial(stepper, stretch, x, TRIAL)

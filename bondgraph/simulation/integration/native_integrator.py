@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,16 +56,6 @@ def explicit_scout(stepper: IntegrationState, stretch: Segment, x: Array) -> Com
     return solver
 
 
-def native_integrator(
-    stepper: IntegrationState, machine: NativeIntegrator | None, stretch: Segment, x: Array, method: int, size: float
-) -> NativeIntegrator:
-    """Return the integrator of the segments so far, where it fits the next one, or a new one. `size`: of all steps, for a method with equal steps."""
-    if machine is None or METHODS[method].conserving or machine.tolerances is not stepper.tolerances:
-        return NativeIntegrator(stepper, stretch, x, method, size)
-    machine.begin_at(stretch, x, method)
-    return machine
-
-
 def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) -> CompiledMethod:
     """Return a solver for a segment with steps only: no events, limits or outputs attached yet."""
     native = not obstacle(stepper.program)
@@ -74,15 +66,27 @@ def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) 
     return solver
 
 
-def _spare_key(stepper: IntegrationState, stretch: Segment, x: Array, method: int) -> object:
-    """Return all that decides how the workspace of a segment begins, beside the values of the run; None if more does, or it is large."""
+def beginning_key(stepper: IntegrationState, stretch: Segment, x: Array) -> object:
+    """Return all that decides how the steps of a run begin, beside its values; None if more does, or the workspace is large."""
     program = stepper.program
     more = (
         program.hybrid is not None or stepper.powers is not None or stepper.extremes is not None or stepper.constraints
     )
-    if more or obstacle(program) or stepper.history is not None or METHODS[method].conserving or len(x) > LARGEST_SPARE:
+    if more or obstacle(program) or stepper.history is not None or len(x) > LARGEST_SPARE or stepper.run_values is None:
         return None
-    return stepper.key_at(stretch, x), method, stepper.solver, stepper.longest
+    return stepper.key_at(stretch, x), stepper.solver, stepper.longest, stepper.result.settled
+
+
+@dataclass(slots=True)
+class Beginning:
+    """Beginning of the steps of a segment: its key, the method with evaluations of the trial steps that chose it, True if it is also that of all
+    further segments, and the workspace, if a run has begun alike."""
+
+    key: object
+    method: int
+    evaluations: Mapping[str, int]
+    settled: bool
+    workspace: CompiledMethod | None = None
 
 
 def _automatic(stepper: IntegrationState, method: int) -> int:
@@ -93,28 +97,25 @@ def _automatic(stepper: IntegrationState, method: int) -> int:
 class NativeIntegrator:
     """Integrator of steps over successive segments; the data set up for the first segment serves all."""
 
-    def __init__(self, stepper: IntegrationState, stretch: Segment, x: Array, method: int, size: float) -> None:
+    def __init__(self, stepper: IntegrationState, stretch: Segment, x: Array, begins: Beginning, size: float | None = None) -> None:
+        """`size`: of all steps, for a method with equal steps."""
         self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
         self.tolerances: Tolerances = stepper.tolerances
         self.noted = False  # True while the checkpoint before the last step is stored
         self.passed = 0  # number of steps after which Python has acted
         self.events: PassedEvents | None = None
-        self.key = _spare_key(stepper, stretch, x, method)
-        spare: CompiledMethod | None = None
-        if self.key is not None and stepper.run_values is not None:
-            spare = stepper.run_values.spare.pop(self.key, None)
-        if spare is not None:
-            self.solver = spare
-            spare.begin_once_more(stretch.mode)
-            spare.report(stepper.instants, stepper.position, stepper.result.states)
-            if stepper.choice is not None:
-                spare.choose(stepper.choice)
-            return
-        solver = self.solver = _solver(stepper, stretch, x, method)
-        solver.fixed_size = size if size < np.inf else None
+        self.begins, method = begins, begins.method
+        if begins.workspace is not None:
+            solver = self.solver = begins.workspace
+            solver.begin_once_more(stretch.mode)
+        else:
+            solver = self.solver = _solver(stepper, stretch, x, method)
+            solver.fixed_size = size
         solver.report(stepper.instants, stepper.position, stepper.result.states)
         if stepper.choice is not None:
             solver.choose(stepper.choice)
+        if begins.workspace is not None:
+            return
         if stepper.powers is not None:
             if stepper.result.work is None:
                 stepper.result.work = np.zeros_like(stepper.powers(stretch.start, x, stretch.mode))
@@ -123,8 +124,9 @@ class NativeIntegrator:
             solver.keep_places(PLACES)
         solver.doubt(stepper.floor)
         solver.begin()
-        if self.key is not None:
+        if begins.key is not None and size is None:
             solver.save()
+            begins.workspace = solver
         if solver.native and method in CHOSEN and stepper.events is not None:
             from .passed_events import PassedEvents, is_passable
 
@@ -134,8 +136,8 @@ class NativeIntegrator:
 
     def release(self) -> None:
         """Leave the workspace to the next run with the same values."""
-        if self.key is not None and self.stepper.run_values is not None:
-            self.stepper.run_values.spend(self.key, self.solver)
+        if self.begins.workspace is not None and self.stepper.run_values is not None:
+            self.stepper.run_values.spend(self.begins.key, self.begins)
 
     def begin_at(self, stretch: Segment, x: Array, method: int) -> None:
         """Go on with another segment."""
@@ -178,7 +180,7 @@ class NativeIntegrator:
         if stepper.flip is not None:
             stepper.grow(stepper.flip.state)
             return stepper.flip.state
-        return stepper.loops.solve(record.time, self._state, self.stretch.mode)
+        return stepper.solved(record.time, self._state, self.stretch.mode)
 
     @property
     def _state(self) -> Any:
@@ -323,7 +325,7 @@ class NativeIntegrator:
     def _put_unknowns(self, first: int, last: int) -> None:
         """Compute the unknowns of loops at these instants."""
         stepper = self.stepper
-        if last > first:
+        if last > first and stepper.program.unknowns.names:
             times, states = (a[first:last] for a in (stepper.instants, stepper.result.states))
             states[:] = stepper.loops.solve_all(times, states, self.stretch.mode)
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import compress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import AUTOMATIC, SOLVERS, Program, zeros_of
+from compiler.api import AUTOMATIC, SOLVERS, Array, Program, zeros_of
 
 from ..events.events import EventInstant, Events
 from ..integrators.acceptance.event_passing import FOUND, KNOWN, ROOM, EventWorkspace
@@ -58,8 +57,14 @@ def _method_in_any_mode(stepper: IntegrationState) -> int:
     return -1 if stepper.result.settled is None else stepper.result.settled
 
 
-def _marked(row: list[int]) -> tuple[int, ...]:
-    return tuple(compress(range(len(row)), row))
+def _marked(rows: Array) -> list[tuple[int, ...]]:
+    """Return the places of each row, shape (rows, places), that are not zero."""
+    known: dict[bytes, tuple[int, ...]] = {}  # most events are alike
+    keys = [row.tobytes() for row in rows]
+    for key, row in zip(keys, rows, strict=True):
+        if key not in known:
+            known[key] = tuple(row.nonzero()[0].tolist())
+    return [known[key] for key in keys]
 
 
 class PassedEvents:
@@ -110,18 +115,14 @@ class PassedEvents:
         if not record.logged:
             return stepper.piece
         modes = values["log_mode"].reshape(ROOM, -1)[: record.logged].copy()
-        crossed, acted = (values[n].reshape(ROOM, -1)[: record.logged].tolist() for n in ("log_crossed", "log_acted"))
+        crossed, acted = (_marked(values[n].reshape(ROOM, -1)[: record.logged]) for n in ("log_crossed", "log_acted"))
         kinds = values["log_kind"][: record.logged].tolist()
-        start, stop, mode, resolution = (
-            stepper.piece.start,
-            stepper.piece.stop,
-            stepper.piece.mode,
-            stepper.piece.resolution,
-        )
+        piece = stepper.piece
+        start, stop, mode, resolution = piece.start, piece.stop, piece.mode, piece.resolution
         for number, time in enumerate(values["log_time"][: record.logged].tolist()):
             stepper.result.pieces.append(Segment(start, time, mode))
             if kinds[number] == FOUND:
-                events.log.append(EventInstant(time, _marked(crossed[number]), _marked(acted[number])))
+                events.log.append(EventInstant(time, crossed[number], acted[number]))
             start, mode = time, modes[number]
         stepper.piece = Segment(start, stop, mode, resolution)
         stepper.mode = mode

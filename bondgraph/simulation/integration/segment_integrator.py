@@ -109,16 +109,25 @@ class SegmentIntegrator(IntegrationState):
     def _by_steps(self, stretch: Segment, x: Array) -> Any:
         """Integrate one segment by a method that chooses its steps."""
         from .method import method_of
-        from .native_integrator import native_integrator, target_of
+        from .native_integrator import Beginning, NativeIntegrator, beginning_key, target_of
 
-        target = target_of(self)
-        method = method_of(self, stretch, x, target == "native")
+        target, machine = target_of(self), self.machine
+        key = beginning_key(self, stretch, x) if machine is None else None
+        begins: Beginning | None = None if key is None else self.constraints.known.spare.pop(key, None)
+        if begins is None:
+            begins = Beginning(key, *method_of(self, stretch, x, target == "native"))
+            self.check_rates(stretch.start, x, stretch.mode)
+        method = begins.method
+        self.count(begins.evaluations)
+        if begins.settled:
+            self.result.settled = method
         self.name(method, target)
-        self.check_rates(stretch.start, x, stretch.mode)
-        size = np.inf
         if METHODS[method].conserving:
             from .conserving import equal_steps
 
-            size = equal_steps(self, stretch, x)
-        self.machine = native_integrator(self, self.machine, stretch, x, method, size)
+            self.machine = NativeIntegrator(self, stretch, x, begins, equal_steps(self, stretch, x))
+        elif machine is None or machine.tolerances is not self.tolerances:
+            self.machine = NativeIntegrator(self, stretch, x, begins)
+        else:
+            machine.begin_at(stretch, x, method)
         return self.machine.to_end()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,26 +36,28 @@ class PhaseSolution:
 
     def outputs(self, watch: ValidityMonitor) -> Any:
         """Return the outputs, shape (points, outputs). `watch` looks at the last instant, whose mode no segment has."""
-        instants, states, program = self.instants, self.trajectory.states, self.constraints.program
-        values = np.empty((len(instants), len(program.outputs.names)))
-        for _, alike in groupby(self.segments, lambda s: np.asarray(s.mode).tobytes()):  # events return to a mode
-            first, *others = alike
-            part = self._within(first if not others else Segment(first.start, others[-1].stop, first.mode))
-            if part.start < part.stop:
-                values[part] = self.output(instants[part], states[part], first.mode)
-        if self.trajectory.handover is not None or not len(instants):
-            return values
-        last = self.segments[-1]
-        if instants[-1] < last.stop:
-            return values
-        if instants[-1] < self.planned[-1].stop or last.start == last.stop:  # at first: cut off at a reported instant
-            mode = last.mode
-        else:
-            mode = mode_after(program, self.constraints.constants, last.stop, last)
-        final = states[-1:]
-        watch.look(instants[-1:], mode, lambda times: np.repeat(final, len(times), axis=0))
-        values[-1] = self.output(instants[-1], states[-1], mode)
+        instants, states, segments = self.instants, self.trajectory.states, self.segments
+        values = np.empty((len(instants), len(self.constraints.program.outputs.names)))
+        modes, ends = [s.mode for s in segments], [s.stop for s in segments]
+        parts = instants.searchsorted((segments[0].start, *ends)).tolist()
+        if self.trajectory.handover is None and len(instants) and not instants[-1] < ends[-1]:
+            final = states[-1:]
+            modes.append(self._mode_at_end(segments[-1]))
+            parts.append(len(instants))
+            watch.look(instants[-1:], modes[-1], lambda times: np.repeat(final, len(times), axis=0))
+        begin, keys = parts[0], [mode.tobytes() for mode in modes]  # events return to a mode
+        for mode, key, after, end in zip(modes, keys, [*keys[1:], None], parts[1:], strict=True):
+            if key != after:
+                if begin < end:
+                    values[begin:end] = self.output(instants[begin:end], states[begin:end], mode)
+                begin = end
         return values
+
+    def _mode_at_end(self, last: Segment) -> Any:
+        """Return the mode of the last instant, which no segment has."""
+        if self.instants[-1] < self.planned[-1].stop or last.start == last.stop:  # at first: cut off at a reported instant
+            return last.mode
+        return mode_after(self.constraints.program, self.constraints.constants, last.stop, last)
 
     def _within(self, segment: Segment) -> slice:
         """Return the slice of the reported instants that lie in a segment."""

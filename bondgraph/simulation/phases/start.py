@@ -143,7 +143,7 @@ class PhaseInitialization:
         start, constraints.assembled, taking = constraints.recall("start", key, find)
         if taking.tobytes() != constraints.taking.tobytes():
             constraints.leave_out(taking)
-        return replace(start, state=start.state.copy())
+        return StartOfPhase(start.state.copy(), start.first, self.off, self.off, start.notes, start.events)
 
     def _at_rest(self, start: StartOfPhase, horizon: float) -> StartOfPhase:
         """Return the equilibrium reached from a consistent state, with the mode that holds there. Raises `RunFailed`."""
