@@ -124,9 +124,9 @@ class Phase:
 
     def _given(self, program: Program) -> Any:
         """Return the parameters of this run, shape (P,)."""
-        parameters, kept = np.array(program.defaults, dtype=float), program.kept
-        places = kept.get("parameters") or {n: place for place, n in enumerate(program.parameters.names)}
-        kept["parameters"] = places
+        parameters = np.array(program.defaults, dtype=float)
+        places = program.kept.get("parameters") or {n: place for place, n in enumerate(program.parameters.names)}
+        program.kept["parameters"] = places
         for name, value in self.options.values.items():
             if name in places:
                 parameters[places[name]] = value

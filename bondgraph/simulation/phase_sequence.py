@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -162,7 +163,7 @@ class PhaseSequence:
             from .monitors.energy import added
 
             balance = added([leg.balance for leg in legs if leg.balance is not None])
-        lacking, acted = _left_out(legs, balance), tuple(o for leg in legs for o in leg.occurrences)
+        lacking, acted = _left_out(legs, balance), tuple(chain.from_iterable(leg.occurrences for leg in legs))
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),

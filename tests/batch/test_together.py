@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.batch import pilot
 from bondgraph.batch import together as batch
 from bondgraph.batch.together import is_together, simulate_together
 from bondgraph.compiled_model import CompiledModel
@@ -250,6 +251,17 @@ def test_events_and_loops_are_left_to_runs_alone(name: str) -> None:
     model = bondgraph.load(f"models/{name}.bg")
     parameter, quantity = next((n, q) for n, q in model.parameters.items() if q.value)
     assert simulate_together(model, RunRequest(), [{parameter: quantity.value}]) == [None]
+
+
+def test_pilot_runs_that_give_up_are_made_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pilot, "_alone", lambda *given: None)
+    model = bondgraph.load("models/published/robertson.bg")
+    points = [{"k1": 0.04 * (1 + 0.1 * i)} for i in range(4)]
+    for result, point in zip(simulate_together(model, RunRequest(), points), points, strict=True):
+        alone = bondgraph.load("models/published/robertson.bg").simulate(settings=point)
+        assert result is not None and result.checkpoint is not None and alone.checkpoint is not None
+        assert result.checkpoint.to_json() == alone.checkpoint.to_json()
+        assert (result.values.tobytes(), result.steps) == (alone.values.tobytes(), alone.steps)
 
 
 def test_python_does_not_act_between_runs() -> None:

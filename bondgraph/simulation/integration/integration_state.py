@@ -217,11 +217,9 @@ class IntegrationState:
 
     def held(self, time: float, x: Array, mode: Array) -> Any:
         """Return a state projected on its invariants, with the unknowns that belong to it."""
-        return self.solved(time, self.constraints.project(time, x, mode), mode)
-
-    def solved(self, time: float, x: Array, mode: Array) -> Any:
-        """Return a state with the unknowns that belong to it."""
-        return self.loops.solve(time, x, mode) if self.program.unknowns.names else x
+        loops = self.loops if self.program.unknowns.names else None  # they scale the constraints first
+        projected = self.constraints.project(time, x, mode)
+        return projected if loops is None else loops.solve(time, projected, mode)
 
     def held_all(self, times: Array, states: Array, mode: Array) -> Any:
         """Return projected states at several instants, with their unknowns; shape (times, n)."""

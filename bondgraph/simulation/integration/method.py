@@ -104,10 +104,10 @@ def after_trial(stiff: Any, finished: Any) -> tuple[Any, Any]:
 
 def _obstacle(stepper: IntegrationState, stretch: Segment, solver: Solver, compiled: bool) -> str:
     """Return the reason why a method is not possible on a segment; empty if it is."""
-    kept, key = stepper.program.kept, ("obstacle", solver.word, compiled)
-    if key not in kept:
-        kept[key] = _obstacle_in(stepper.program, solver, compiled)
-    obstacle: str = kept[key]
+    cache, key = stepper.program.kept, ("obstacle", solver.word, compiled)
+    if key not in cache:
+        cache[key] = _obstacle_in(stepper.program, solver, compiled)
+    obstacle: str = cache[key]
     if solver.exact and not obstacle:
         return dict(solver.refused).get(_inexact(stepper, stretch), "")
     return obstacle

@@ -72,7 +72,7 @@ def beginning_key(stepper: IntegrationState, stretch: Segment, x: Array) -> obje
     more = (
         program.hybrid is not None or stepper.powers is not None or stepper.extremes is not None or stepper.constraints
     )
-    if more or obstacle(program) or stepper.history is not None or len(x) > LARGEST_SPARE or stepper.run_values is None:
+    if more or obstacle(program) or stepper.history is not None or len(x) > LARGEST_SPARE:
         return None
     return stepper.key_at(stretch, x), stepper.solver, stepper.longest, stepper.result.settled
 
@@ -97,7 +97,9 @@ def _automatic(stepper: IntegrationState, method: int) -> int:
 class NativeIntegrator:
     """Integrator of steps over successive segments; the data set up for the first segment serves all."""
 
-    def __init__(self, stepper: IntegrationState, stretch: Segment, x: Array, begins: Beginning, size: float | None = None) -> None:
+    def __init__(
+        self, stepper: IntegrationState, stretch: Segment, x: Array, begins: Beginning, size: float | None = None
+    ) -> None:
         """`size`: of all steps, for a method with equal steps."""
         self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
         self.tolerances: Tolerances = stepper.tolerances
@@ -180,7 +182,9 @@ class NativeIntegrator:
         if stepper.flip is not None:
             stepper.grow(stepper.flip.state)
             return stepper.flip.state
-        return stepper.solved(record.time, self._state, self.stretch.mode)
+        if not stepper.program.unknowns.names:
+            return self._state
+        return stepper.loops.solve(record.time, self._state, self.stretch.mode)
 
     @property
     def _state(self) -> Any:

@@ -59,12 +59,13 @@ def _method_in_any_mode(stepper: IntegrationState) -> int:
 
 def _marked(rows: Array) -> list[tuple[int, ...]]:
     """Return the places of each row, shape (rows, places), that are not zero."""
-    known: dict[bytes, tuple[int, ...]] = {}  # most events are alike
-    keys = [row.tobytes() for row in rows]
+    places: dict[bytes, tuple[int, ...]] = {}  # most events are alike
+    block, width = rows.tobytes(), rows.strides[0]
+    keys = [block[k * width : (k + 1) * width] for k in range(len(rows))]
     for key, row in zip(keys, rows, strict=True):
-        if key not in known:
-            known[key] = tuple(row.nonzero()[0].tolist())
-    return [known[key] for key in keys]
+        if key not in places:
+            places[key] = tuple(row.nonzero()[0].tolist())
+    return [places[key] for key in keys]
 
 
 class PassedEvents:
@@ -114,18 +115,15 @@ class PassedEvents:
         self.solver.forget_mode()
         if not record.logged:
             return stepper.piece
-        modes = values["log_mode"].reshape(ROOM, -1)[: record.logged].copy()
+        modes = [*values["log_mode"].reshape(ROOM, -1)[: record.logged].copy()]
         crossed, acted = (_marked(values[n].reshape(ROOM, -1)[: record.logged]) for n in ("log_crossed", "log_acted"))
-        kinds = values["log_kind"][: record.logged].tolist()
-        piece = stepper.piece
-        start, stop, mode, resolution = piece.start, piece.stop, piece.mode, piece.resolution
-        for number, time in enumerate(values["log_time"][: record.logged].tolist()):
-            stepper.result.pieces.append(Segment(start, time, mode))
-            if kinds[number] == FOUND:
-                events.log.append(EventInstant(time, crossed[number], acted[number]))
-            start, mode = time, modes[number]
-        stepper.piece = Segment(start, stop, mode, resolution)
-        stepper.mode = mode
+        kinds, times = (values[n][: record.logged].tolist() for n in ("log_kind", "log_time"))
+        piece, log = stepper.piece, zip(kinds, times, crossed, acted, strict=True)
+        starts, before = [piece.start, *times[:-1]], [piece.mode, *modes[:-1]]
+        stepper.result.pieces += [Segment(a, b, mode) for a, b, mode in zip(starts, times, before, strict=True)]
+        events.log += [EventInstant(time, zeros, acts) for kind, time, zeros, acts in log if kind == FOUND]
+        stepper.piece = Segment(times[-1], piece.stop, modes[-1], piece.resolution)
+        stepper.mode = modes[-1]
         events.on |= dict(zip(events.keys, (values["on"] != 0).tolist(), strict=True))
         events.left |= dict(zip(events.keys, values["left"].tolist(), strict=True))
         record.logged = 0

@@ -113,7 +113,8 @@ class SegmentIntegrator(IntegrationState):
 
         target, machine = target_of(self), self.machine
         key = beginning_key(self, stretch, x) if machine is None else None
-        begins: Beginning | None = None if key is None else self.constraints.known.spare.pop(key, None)
+        values = self.run_values
+        begins: Beginning | None = None if key is None or values is None else values.spare.pop(key, None)
         if begins is None:
             begins = Beginning(key, *method_of(self, stretch, x, target == "native"))
             self.check_rates(stretch.start, x, stretch.mode)

@@ -55,7 +55,9 @@ class PhaseSolution:
 
     def _mode_at_end(self, last: Segment) -> Any:
         """Return the mode of the last instant, which no segment has."""
-        if self.instants[-1] < self.planned[-1].stop or last.start == last.stop:  # at first: cut off at a reported instant
+        if (
+            self.instants[-1] < self.planned[-1].stop or last.start == last.stop
+        ):  # at first: cut off at a reported instant
             return last.mode
         return mode_after(self.constraints.program, self.constraints.constants, last.stop, last)
 
