@@ -118,7 +118,7 @@ def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: B
             at = scene.inputs, runs.constants[:, None], segment.mode
             values[:, part] = program.output(instants[part], states[:, part], *at)
     last = course.segments[-1]
-    modes = np.array([mode_after(program, constants, last.stop, last) for constants in runs.constants])
+    modes = mode_after(program, runs.constants, last.stop, last)
     values[:, -1] = program.output(instants[-1], states[:, -1], scene.inputs, runs.constants, modes)
     return values
 

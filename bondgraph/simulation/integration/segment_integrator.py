@@ -126,9 +126,10 @@ class SegmentIntegrator(IntegrationState):
         if METHODS[method].conserving:
             from .conserving import equal_steps
 
-            self.machine = NativeIntegrator(self, stretch, x, begins, equal_steps(self, stretch, x))
+            machine = NativeIntegrator(self, stretch, x, begins, equal_steps(self, stretch, x))
         elif machine is None or machine.tolerances is not self.tolerances:
-            self.machine = NativeIntegrator(self, stretch, x, begins)
+            machine = NativeIntegrator(self, stretch, x, begins)
         else:
             machine.begin_at(stretch, x, method)
-        return self.machine.to_end()
+        self.machine = machine
+        return machine.to_end()
