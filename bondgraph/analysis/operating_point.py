@@ -414,7 +414,7 @@ class OperatingPoint:
     @cached_property
     def conserved(self) -> Any:
         """Conserved sums of the states, (k, n)."""
-        from .conserved import conserved_sums
+        from ..simulation.equilibrium.conserved import conserved_sums
 
         return conserved_sums(self.made, self.constraints.parameters)
 

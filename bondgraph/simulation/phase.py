@@ -133,16 +133,17 @@ class Phase:
         return parameters
 
     def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
-        """Return the segments of this phase; for a program used before in the run, its remaining segments. `known`: timelines of all programs of the run."""
+        """Return the segments of this phase, of those of its program in the whole run: searched from elsewhere, an instant would differ by its rounding,
+        and programs that take turns at it would disagree on what holds there. `known`: timelines of all programs of the run."""
         if self.history is not None or program not in known:
             constants, parts = self.constraints.constants, self.options.parts
+            whole = (ends[0] if self.history is not None else self.options.plan.start), ends[1]
             known[program] = self.constraints.recall(
                 "timeline",
-                (*ends, parts),
-                lambda: timeline_in_parts(program, constants, ends, parts),
+                (*whole, parts),
+                lambda: timeline_in_parts(program, constants, whole, parts),
                 lambda course: len(course.segments),
             )
-            return Timeline(aligned(list(known[program].segments), self.instants), known[program].notes)
         return replace(known[program], segments=aligned(rest_of(known[program].segments, ends[0]), self.instants))
 
     def _start(self) -> StartOfPhase:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ...errors import RunFailed
 from ...quantities import quantity
 from ..operating_point import AnalysisRequest
 from ..placement import operating_point
@@ -34,7 +35,12 @@ def inverted(
     asked = replace(asked, settings=fixed)
     if to is None:
         wanted = asked_for(model, targets, asked.experiment)
-        return invert(operating_point(model, replace(asked, outputs=tuple(wanted), by=names)), wanted, drives)
+        request = replace(asked, outputs=tuple(wanted), by=names)
+        try:
+            point = operating_point(model, request)
+        except RunFailed:  # the values that the text gives to what is searched may be beyond all rests
+            point = operating_point(model, replace(request, settings={**dict.fromkeys(names, 0.0), **fixed}))
+        return invert(point, wanted, drives)
     known = model.compilation(model.scene(asked.experiment, fixed)).whole_graph.quantities
     # unknown names are refused later
     most = {n: quantity(v, known[n].unit, n) if n in known else 0.0 for n, v in (along.get("limits") or {}).items()}

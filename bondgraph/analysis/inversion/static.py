@@ -21,7 +21,7 @@ from ...errors import RunFailed, UsageError
 from ...numerics.scales import equilibrated
 from ...rendering import OfModel, Summarised
 from ...results.json_values import head, named, with_units
-from ...simulation.equilibrium.search import search_at
+from ...simulation.equilibrium.search import equilibrium, search_at
 from ...simulation.segments.timeline import Segment
 from ..equilibrium import units_of
 from ..operating_point import OperatingPoint
@@ -36,6 +36,7 @@ ITERATIONS = 30
 CLOSE = 1e-14  # relative to the magnitudes
 ENOUGH = 1e-9
 REFINED = 3  # solutions, each of what those before leave
+BESIDE = (1.0, 1e-3, 1e-6)  # of a probe: values of inputs from which a search begins that gets nowhere from zero
 STAGES = 64  # most stages from the first equilibrium to the targets
 
 
@@ -79,7 +80,9 @@ def rest_with(point: OperatingPoint, targets: Mapping[str, float], drives: Seque
         found = search.newton(begun + (reached + step) * (wanted - begun))
         if found is None:
             step *= 0.5
-            if step < 1.0 / STAGES:
+            if step < 1.0 / STAGES and not reached and search.begin_beside_zero():
+                begun, step = search.point.outputs[search.rows], 1.0
+            elif step < 1.0 / STAGES:
                 share = f"{100 * reached:.3g} %"
                 raise RunFailed(
                     "BR323", f"no inputs were found that bring {', '.join(f'`{n}`' for n in targets)} there; they came {share} of the way",
@@ -99,6 +102,22 @@ class Search:
         self.strengths = np.array([self._strength(point, d) for d in self.drives])
         self.conserved = point.conserved  # conserved sums of the states, which stay constant
         self.held = self.conserved @ point.state[: point.count]
+
+    def begin_beside_zero(self) -> bool:
+        """Move inputs from zero, where what acts through its square in a state has no slope, to a small value and its rest; False if there is none."""
+        zero = [d for d, s in zip(self.drives, self.strengths, strict=True) if s == 0.0]
+        at = Segment(self.point.time, self.point.time, self.point.mode)
+        for share in BESIDE if zero else ():
+            given = {d.push: share * self._probe(d) for d in zero}
+            try:
+                moved = self.point.elsewhere(given, self.point.state)
+                rest = equilibrium(moved.program, moved.constraints, moved.inputs, moved.state, at)
+            except (RunFailed, np.linalg.LinAlgError):
+                continue
+            self.point = self.point.elsewhere(given, rest)
+            self.strengths = np.array([self._strength(self.point, d) for d in self.drives])
+            return True
+        return False
 
     @staticmethod
     def _value(point: OperatingPoint, name: str) -> float:

@@ -7,7 +7,7 @@ they differ there, it goes on in the mode that they give.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,8 +30,8 @@ FARTHEST = 1e8  # relative to the first magnitudes: beyond it a counter would st
 STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, accurate enough for Newton's method
 
 
-def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events) -> HybridState:
-    """Return the hybrid state at the equilibrium, with its mode. Raises `RunFailed` if there is none."""
+def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events, kept: Callable[[Array, Array, Segment], Array]) -> HybridState:  # fmt: skip
+    """Return the hybrid state at the equilibrium, with its mode; `kept`: a rest with the conserved sums of a start. Raises `RunFailed` if there is none."""
     program, visited = constraints.program, []
     at = HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode))
     sampled = sampled_settings(program, constraints)
@@ -40,10 +40,12 @@ def rest_with_events(constraints: Constraints, state: Array, first: Segment, eve
         if sampled:
             search = SampledSearch(program, constraints, segment, sampled)
             full = found_by(search, search.joined(at.state, at.mode))
-            at = HybridState(at.time, search.split(full)[0], search.split(full)[1])
+            rest, mode = search.split(full)
+            at = HybridState(at.time, kept(at.state, rest, segment), mode)
             slack[search.places] = search.slack(full)
         else:
-            at = HybridState(at.time, equilibrium(program, constraints, constraints.inputs, at.state, segment), at.mode)
+            rest = equilibrium(program, constraints, constraints.inputs, at.state, segment)
+            at = HybridState(at.time, kept(at.state, rest, segment), at.mode)
         events.measure(np.abs(at.state))
         events.log.clear()
         after = events.happen(at, due=events.due(at.time))

@@ -81,9 +81,9 @@ def _cause(context: SegmentContext, solver: LastStep, what: str, here: tuple[Any
             "BR782", f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
             "for a number.", f"Likely causes: a law that grows like an exponential, or a unit that is missing{limit}",
         )  # fmt: skip
-    loops = len(program.unknowns.names) > 0 and tolerances.relative > LOOSE
+    flat = ". A node between laws that are all flat, as of diodes that block, has no value that rounding leaves: put a large resistor (1 Gohm) beside each"
     bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
-    steep = bend if loops else ""
+    steep = flat + bend * (tolerances.relative > LOOSE) if len(program.unknowns.names) else ""
     if what == "steps":
         return StepsCollapsed(
             "BR783", f"the run gets no further than t = {solver.time:.9g} s within {most}; {value} holds the steps down.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -147,20 +148,22 @@ class PhaseInitialization:
 
     def _at_rest(self, start: StartOfPhase, horizon: float) -> StartOfPhase:
         """Return the equilibrium reached from a consistent state, with the mode that holds there. Raises `RunFailed`."""
+        from ..equilibrium.conserved import with_sums_kept
         from ..equilibrium.search import equilibrium
         from ..equilibrium.steady import check_steady, steady_rates
 
         program, constraints = self.program, self.constraints
         refuse_units(program.hybrid)
-        inputs = constraints.inputs
+        inputs, kept = constraints.inputs, partial(with_sums_kept, self.compilation, constraints)
         if program.hybrid is None or self.companion is not None:
-            start = replace(start, state=equilibrium(program, constraints, inputs, start.state, start.first))
+            rest = equilibrium(program, constraints, inputs, start.state, start.first)
+            start = replace(start, state=kept(start.state, rest, start.first))
         else:
             from ..events.equilibrium import rest_with_events
             from ..events.events import Events
 
             events = Events(constraints, np.abs(start.state), horizon)
-            at = rest_with_events(constraints, start.state, start.first, events)
+            at = rest_with_events(constraints, start.state, start.first, events, kept)
             start = replace(start, state=at.state, first=replace(start.first, mode=at.mode), events=events)
         first = start.first
         rates = steady_rates(program, constraints, first.start, start.state, inputs, first.mode)

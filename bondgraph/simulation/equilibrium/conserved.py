@@ -2,6 +2,7 @@
 
 They follow from rates that are composed of the same flows (`dependent_rates` of the compiler), with the values of the parameters: w' f = 0 for
 all states, inputs and instants. A search for an equilibrium keeps their initial values, and their zero eigenvalues do not affect stability.
+States that nothing reads are no part of the search: what they are at its end follows from these sums.
 """
 
 from __future__ import annotations
@@ -12,8 +13,11 @@ import numpy as np
 
 from compiler.api import Array, EquationSystem, Expression, dependent_rates, evaluate
 
-from ..compiled_scene import CompiledScene
-from ..numerics.scales import nonzero
+from ...compiled_scene import CompiledScene
+from ...numerics.scales import nonzero
+from ..constraints.constraints import Constraints
+from ..segments.timeline import Segment
+from .steady import unread_states
 
 ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors
 
@@ -42,6 +46,19 @@ def conserved_sums(scene: CompiledScene, parameters: Array) -> Array:
     whole = np.zeros((len(sums), n))
     whole[:, list(rows)] = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     return whole
+
+
+def with_sums_kept(scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment) -> Array:
+    """Return a rest with the states that nothing reads where the sums that they are part of have the values of the start."""
+    fixed = constraints.inputs, constraints.constants, segment.mode
+    unread = unread_states(constraints.program, segment.start, rest, *fixed)
+    sums = conserved_sums(scene, constraints.parameters) if unread.any() else np.zeros((0, len(unread)))
+    own = sums[:, unread]
+    if not own.any():
+        return rest
+    size, kept = nonzero(np.abs(own).max(axis=0)), np.array(rest)
+    kept[np.flatnonzero(unread)] += np.linalg.lstsq(own / size, sums @ (start - rest)[: len(unread)])[0] / size
+    return kept
 
 
 def _constants(system: EquationSystem, given: Mapping[str, float]) -> Callable[[int], float]:
