@@ -48,7 +48,9 @@ def conserved_sums(scene: CompiledScene, parameters: Array) -> Array:
     return whole
 
 
-def with_sums_kept(scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment) -> Array:
+def with_sums_kept(
+    scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment
+) -> Array:
     """Return a rest with the states that nothing reads where the sums that they are part of have the values of the start."""
     fixed = constraints.inputs, constraints.constants, segment.mode
     unread = unread_states(constraints.program, segment.start, rest, *fixed)

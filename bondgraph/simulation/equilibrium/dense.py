@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array, IntArray, Program
 
 from ...errors import RunFailed
 from ...numerics.scales import equilibrated, group_numbers, largest_of_group, nonzero, null_basis
@@ -29,6 +29,7 @@ NOTHING = 1e-40  # relative to the magnitude of a state: zero, far below the squ
 STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motion is none
 FAR = 1e9  # rad: an angle that something must restore
 ALIKE = 0.1  # relative: a change of rates that is as derivatives say
+FEW = 16  # values of a rate, of four times as many, if each is a rounding apart from the next
 PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that moves most: the rates are compared there
 
 
@@ -301,11 +302,22 @@ class EquilibriumSearch:
                 )  # fmt: skip
 
     def cancels(self, full: Array, slope: Array) -> bool:
-        """Return True if all rates are rounding of terms of parameters and inputs that cancel each other."""
+        """Return True if all rates are rounding of terms that cancel each other: of parameters and inputs, or of numbers."""
         inputs, _, mode = self.fixed
         terms = given_terms(self.program, self.constraints.parameters, self.time, full, inputs, mode)
         terms[self.unread] = np.inf
-        return bool((np.abs(slope) <= CANCELLED * terms).all())
+        left = np.flatnonzero(np.abs(slope) > CANCELLED * terms)
+        return not len(left) or self._steps_by_rounding(full, left)
+
+    def _steps_by_rounding(self, full: Array, places: IntArray) -> bool:
+        """Return True if rates take few values on the way that should bring them to zero and beyond: each a rounding apart."""
+        full, slope, jacobian = self.at(full)
+        change = self.correction(slope, jacobian)
+        if not np.isfinite(change).all():
+            return False
+        way = np.concatenate([change, np.zeros(len(full) - self.count)])
+        rates = np.array([self.at(full + share * way)[1][places] for share in np.linspace(0.0, 2.0, 4 * FEW)])
+        return all(len(np.unique(row)) <= FEW for row in rates.T)
 
     def not_finite(self, slope: Array, full: Array) -> RunFailed:
         """Return the error for rates that are not finite where the search begins."""

@@ -30,7 +30,9 @@ FARTHEST = 1e8  # relative to the first magnitudes: beyond it a counter would st
 STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, accurate enough for Newton's method
 
 
-def rest_with_events(constraints: Constraints, state: Array, first: Segment, events: Events, kept: Callable[[Array, Array, Segment], Array]) -> HybridState:  # fmt: skip
+def rest_with_events(
+    constraints: Constraints, state: Array, first: Segment, events: Events, kept: Callable[[Array, Array, Segment], Array]
+) -> HybridState:  # fmt: skip
     """Return the hybrid state at the equilibrium, with its mode; `kept`: a rest with the conserved sums of a start. Raises `RunFailed` if there is none."""
     program, visited = constraints.program, []
     at = HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode))

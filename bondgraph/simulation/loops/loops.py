@@ -78,7 +78,8 @@ class LoopSolver:
             names = ", ".join(f"`{n}`" for n in self.program.unknowns.names[:6])
             raise RunFailed(
                 "BR744", f"at t = {time:.9g} s the algebraic loop of {names} has no solution that could be found;",
-                "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), put a small storage into it, or a large resistor beside each law that is flat there",
+                "check the laws in it (`bondgraph show FILE --stage causality` shows how they hang together), put a small storage into it, or a large resistor "
+                "beside each law that is flat there",
             )  # fmt: skip
         return np.concatenate([state[: self.count], found])
 

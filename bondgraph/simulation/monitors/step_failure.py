@@ -81,7 +81,7 @@ def _cause(context: SegmentContext, solver: LastStep, what: str, here: tuple[Any
             "BR782", f"{begin}: `{names[huge]}` (now {state[huge]:.6g} {units[huge]}, and changing by {slope[huge]:.6g} a second) becomes too large "
             "for a number.", f"Likely causes: a law that grows like an exponential, or a unit that is missing{limit}",
         )  # fmt: skip
-    flat = ". A node between laws that are all flat, as of diodes that block, has no value that rounding leaves: put a large resistor (1 Gohm) beside each"
+    flat = ". Between laws that are all flat, as of diodes that block, a node has no value but for rounding: put a large resistor (1 Gohm, 1 Mohm) beside each"
     bend = ". A loop with a law that bends within the tolerance, as a diode's at hundreds of volts, needs a tighter one"
     steep = flat + bend * (tolerances.relative > LOOSE) if len(program.unknowns.names) else ""
     if what == "steps":
