@@ -58,9 +58,9 @@ def with_sums_kept(
     own = sums[:, unread]
     if not own.any():
         return rest
-    size, kept = nonzero(np.abs(own).max(axis=0)), np.array(rest)
-    kept[np.flatnonzero(unread)] += np.linalg.lstsq(own / size, sums @ (start - rest)[: len(unread)])[0] / size
-    return kept
+    size, moved = nonzero(np.abs(own).max(axis=0)), np.array(rest)
+    moved[np.flatnonzero(unread)] += np.linalg.lstsq(own / size, sums @ (start - rest)[: len(unread)])[0] / size
+    return moved
 
 
 def _constants(system: EquationSystem, given: Mapping[str, float]) -> Callable[[int], float]:

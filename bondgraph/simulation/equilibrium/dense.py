@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray, Program
+from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ...numerics.scales import equilibrated, group_numbers, largest_of_group, nonzero, null_basis
@@ -302,22 +302,22 @@ class EquilibriumSearch:
                 )  # fmt: skip
 
     def cancels(self, full: Array, slope: Array) -> bool:
-        """Return True if all rates are rounding of terms that cancel each other: of parameters and inputs, or of numbers."""
+        """Return True if all rates are rounding of terms of parameters and inputs that cancel each other."""
         inputs, _, mode = self.fixed
         terms = given_terms(self.program, self.constraints.parameters, self.time, full, inputs, mode)
         terms[self.unread] = np.inf
-        left = np.flatnonzero(np.abs(slope) > CANCELLED * terms)
-        return not len(left) or self._steps_by_rounding(full, left)
+        return bool((np.abs(slope) <= CANCELLED * terms).all())
 
-    def _steps_by_rounding(self, full: Array, places: IntArray) -> bool:
-        """Return True if rates take few values on the way that should bring them to zero and beyond: each a rounding apart."""
+    def steps_by_rounding(self, full: Array) -> bool:
+        """Return True if all rates of the start take few values on the way that should bring them to zero and beyond: each a rounding apart, of numbers
+        that cancel. Far from the start it would be what a motion has made large."""
         full, slope, jacobian = self.at(full)
         change = self.correction(slope, jacobian)
         if not np.isfinite(change).all():
             return False
         way = np.concatenate([change, np.zeros(len(full) - self.count)])
-        rates = np.array([self.at(full + share * way)[1][places] for share in np.linspace(0.0, 2.0, 4 * FEW)])
-        return all(len(np.unique(row)) <= FEW for row in rates.T)
+        rates = np.array([self.at(full + share * way)[1] for share in np.linspace(0.0, 2.0, 4 * FEW)])
+        return all(len(np.unique(row)) <= FEW for row in rates.T[slope != 0])
 
     def not_finite(self, slope: Array, full: Array) -> RunFailed:
         """Return the error for rates that are not finite where the search begins."""

@@ -104,7 +104,7 @@ def _found(search: EquilibriumSearch, state: Array) -> Any:
         if after <= CLOSE and search.close(x, slope, jacobian):
             return held_at_start(search, state, search.rested(search.polished(x, slope, jacobian)))
     first_state, first_slope, _ = search.at(np.array(state))
-    if search.cancels(first_state, first_slope):
+    if search.cancels(first_state, first_slope) or search.steps_by_rounding(first_state):
         return first_state
     raise search.no_rest(slope)
 

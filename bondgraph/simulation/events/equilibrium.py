@@ -31,9 +31,9 @@ STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, 
 
 
 def rest_with_events(
-    constraints: Constraints, state: Array, first: Segment, events: Events, kept: Callable[[Array, Array, Segment], Array]
+    constraints: Constraints, state: Array, first: Segment, events: Events, with_sums: Callable[[Array, Array, Segment], Array]
 ) -> HybridState:  # fmt: skip
-    """Return the hybrid state at the equilibrium, with its mode; `kept`: a rest with the conserved sums of a start. Raises `RunFailed` if there is none."""
+    """Return the hybrid state at the equilibrium, with its mode; `with_sums`: a rest with the conserved sums of a start. Raises `RunFailed` if there is none."""
     program, visited = constraints.program, []
     at = HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode))
     sampled = sampled_settings(program, constraints)
@@ -43,11 +43,11 @@ def rest_with_events(
             search = SampledSearch(program, constraints, segment, sampled)
             full = found_by(search, search.joined(at.state, at.mode))
             rest, mode = search.split(full)
-            at = HybridState(at.time, kept(at.state, rest, segment), mode)
+            at = HybridState(at.time, with_sums(at.state, rest, segment), mode)
             slack[search.places] = search.slack(full)
         else:
             rest = equilibrium(program, constraints, constraints.inputs, at.state, segment)
-            at = HybridState(at.time, kept(at.state, rest, segment), at.mode)
+            at = HybridState(at.time, with_sums(at.state, rest, segment), at.mode)
         events.measure(np.abs(at.state))
         events.log.clear()
         after = events.happen(at, due=events.due(at.time))

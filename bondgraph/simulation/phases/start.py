@@ -154,16 +154,16 @@ class PhaseInitialization:
 
         program, constraints = self.program, self.constraints
         refuse_units(program.hybrid)
-        inputs, kept = constraints.inputs, partial(with_sums_kept, self.compilation, constraints)
+        inputs, with_sums = constraints.inputs, partial(with_sums_kept, self.compilation, constraints)
         if program.hybrid is None or self.companion is not None:
             rest = equilibrium(program, constraints, inputs, start.state, start.first)
-            start = replace(start, state=kept(start.state, rest, start.first))
+            start = replace(start, state=with_sums(start.state, rest, start.first))
         else:
             from ..events.equilibrium import rest_with_events
             from ..events.events import Events
 
             events = Events(constraints, np.abs(start.state), horizon)
-            at = rest_with_events(constraints, start.state, start.first, events, kept)
+            at = rest_with_events(constraints, start.state, start.first, events, with_sums)
             start = replace(start, state=at.state, first=replace(start.first, mode=at.mode), events=events)
         first = start.first
         rates = steady_rates(program, constraints, first.start, start.state, inputs, first.mode)
