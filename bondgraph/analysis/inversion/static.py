@@ -108,13 +108,13 @@ class Search:
         zero = [d for d, s in zip(self.drives, self.strengths, strict=True) if s == 0.0]
         at = Segment(self.point.time, self.point.time, self.point.mode)
         for share in BESIDE if zero else ():
-            given = {d.push: share * self._probe(d) for d in zero}
+            small = {d.push: share * self._probe(d) for d in zero}
             try:
-                moved = self.point.elsewhere(given, self.point.state)
+                moved = self.point.elsewhere(small, self.point.state)
                 rest = equilibrium(moved.program, moved.constraints, moved.inputs, moved.state, at)
             except (RunFailed, np.linalg.LinAlgError):
                 continue
-            self.point = self.point.elsewhere(given, rest)
+            self.point = self.point.elsewhere(small, rest)
             self.strengths = np.array([self._strength(self.point, d) for d in self.drives])
             return True
         return False

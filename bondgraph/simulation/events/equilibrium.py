@@ -33,7 +33,7 @@ STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, 
 def rest_with_events(
     constraints: Constraints, state: Array, first: Segment, events: Events, with_sums: Callable[[Array, Array, Segment], Array]
 ) -> HybridState:  # fmt: skip
-    """Return the hybrid state at the equilibrium, with its mode; `with_sums`: a rest with the conserved sums of a start. Raises `RunFailed` if there is none."""
+    """Return the hybrid state at the equilibrium, with its mode; `with_sums`: a rest with the sums of a start. Raises `RunFailed` if there is none."""
     program, visited = constraints.program, []
     at = HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode))
     sampled = sampled_settings(program, constraints)
