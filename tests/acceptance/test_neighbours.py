@@ -17,8 +17,9 @@ from scipy.special import ellipj, ellipk
 import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import RunFailed
-from compiler.metamorphosis.changing import parsed, permuted
+from compiler.metamorphosis.changing import permuted
 from compiler.metamorphosis.printing import text_of
+from compiler.metamorphosis.renaming import parsed
 from tests.compiling import MODELS
 
 few = pytest.mark.few(1)
