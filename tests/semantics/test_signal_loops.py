@@ -208,6 +208,22 @@ def test_a_root_that_begins_where_it_has_no_slope(power: int, points: int) -> No
     np.testing.assert_allclose(run["y"][1:], run.time[1:] ** (1 / power), rtol=1e-7)
 
 
+ROOTS = {  # laws with a root of third order, and each with w added
+    "sinh(w) - w": np.sinh, "w - sin(w)": lambda w: 2 * w - np.sin(w), "tan(w) - w": np.tan, "w^3/(1 + w^2)": lambda w: w**3 / (1 + w**2) + w,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("drive", ["time", "time^2", "time - 1.5"])
+@pytest.mark.parametrize("law", ROOTS)
+@pytest.mark.few(3)
+def test_a_root_of_several_orders_by_rounding(law: str, drive: str) -> None:
+    """Terms of the law cancel about w = 0, where Newton's method ends anywhere, and no derivative tells the residuals."""
+    text = f"plain model A {{\n  solve {law} = {drive} for w = 0\n  output y = w\n}}\n"
+    run = bondgraph.load(text).simulate(to=3, points=7, target="numpy")
+    given = {"time": run.time, "time^2": run.time**2, "time - 1.5": run.time - 1.5}[drive]
+    np.testing.assert_allclose(ROOTS[law](run["y"]) - run["y"], given, atol=1e-9)
+
+
 def test_a_declared_unit_of_a_loop_is_read_in_it() -> None:
     assert solved("  signal z: m = z - ((z + 1 m)^3 - 8 [m^3])/(40 [m^2])\n  output a = z", "").final(
         "a"
@@ -280,6 +296,7 @@ def test_extremes_and_runs_with_other_values_along_a_branch() -> None:
     ("equation", "end"),
     [
         ("solve z^3 - 3*z = time - 1 for z = -2", 3),  # a fold, with another solution far away
+        ("solve cosh(z) - 1 = time for z = 0", 0),  # two begin there
         ("solve z^2 = (time - 1)^2 for z = 1", 1),  # two branches cross where a segment ends
     ],
 )

@@ -20,6 +20,9 @@ HIDDEN = 1e-12  # in SI, of unknowns whose magnitude is not known: a correction 
 ARRIVED = 1e-8  # relative correction at which a guess has arrived
 FALLS = 1e-4  # least share of a step by which the residual falls
 LEAST, LEAST_OF_MANY = 1e-3, 1e-6  # of the magnitude: smaller unknowns count as large as this
+FARTHEST, NEAR = 2.0**-12, 2.0**-21  # of the unknowns: neighbours whose residuals tell of rounding
+NEIGHBOURS = 20  # each at a quarter of the distance of that before
+ERRATIC = 4.0  # times the distance from a straight line
 INFINITE = float("inf")
 
 
@@ -71,7 +74,7 @@ def solve_loops(s: LoopSystem, many: int) -> int:
             return 1
         factor = damped(s, HALVINGS_OF_MANY if many != 0 else HALVINGS, size < CLOSE)
         if factor == 0.0:
-            return 1 if many == 0 and (size < CLOSE or is_loop_rounding(s)) else 0
+            return 1 if (many == 0 and (size < CLOSE or is_loop_rounding(s))) or is_erratic(s) else 0
         stuck = stuck + 1 if factor < SHORT else 0
         if stuck == STUCK:
             return 0
@@ -252,5 +255,32 @@ def is_loop_rounding(s: LoopSystem) -> bool:
         s.found[s.rows[k]] += abs(s.jacobian[s.chosen[k]] * s.z[s.columns[k]])
     for i in range(s.n):
         if not abs(s.value[i]) <= ROUNDED * s.found[i]:
+            return False
+    return True
+
+
+def is_erratic(s: LoopSystem) -> bool:
+    """Return True if residuals are rounding of terms that cancel, as in sinh(w) - w: they leave a straight line close to the unknowns."""
+    for i in range(s.n):
+        s.scale[i] = 0.0
+    share = FARTHEST
+    for _ in range(NEIGHBOURS):
+        for i in range(s.n):
+            s.trial[i] = s.z[i] * (1.0 + share)
+        if not residual(s, s.trial, s.found):
+            return False
+        for i in range(s.n):
+            s.trial[i] = s.z[i] * (1.0 - share)
+        if not residual(s, s.trial, s.step):
+            return False
+        for i in range(s.n):
+            after = s.found[i] - s.value[i]
+            before = s.step[i] - s.value[i]
+            # farther away both may rise from a minimum that is none of rounding
+            if after * before <= 0.0 or share < NEAR:
+                s.scale[i] = max(s.scale[i], abs(after + before))
+        share *= 0.25
+    for i in range(s.n):
+        if not abs(s.value[i]) <= ERRATIC * s.scale[i]:
             return False
     return True

@@ -22,6 +22,11 @@ LARGEST = 100  # most unknowns of a loop that is searched
 SOLVED = 1e-3  # of the largest unknown: Newton step that is left at a solution
 BENT = 1e-3  # relative change of the derivative between two different solutions
 BETWEEN = np.arange(1, 20) / 20
+NEIGHBOURS = np.outer(
+    (1.0, -1.0), 0.5 ** np.arange(6, 41)
+)  # of a solution, to either side, in shares of the distance to another
+EXPLAINED, IN_A_ROW = 0.25, 3  # error of residuals told by the derivative, and at how many successive neighbours
+STANDS_OUT = 64.0  # times the residuals of these neighbours: one between that is none of rounding
 
 
 def other_solutions(loops: LoopSolver, time: float, state: Array, mode: Array) -> list[Any]:
@@ -65,14 +70,28 @@ def _collect(loop: SeparateLoop, found: list[Any], guesses: Array) -> list[Any]:
 
 
 def _same(loop: SeparateLoop, a: Array, b: Array) -> bool:
-    """Return True if two solutions are equal to rounding: between two regular ones the derivative along their distance must change."""
+    """Return True if two solutions are equal to rounding: between two regular ones the derivative along their distance must change. About a root of
+    several orders, as of sinh(w) - w, Newton's method ends anywhere: no derivative is that of the residuals, and none stands out between."""
     way = b - a
     if _is_near(loop, a, b).all():
+        return True
+    (here, low), (there, high) = (residuals_beside(loop, z, way) for z in (a, b))
+    if not here and not there and (np.abs(loop.residual(a + BETWEEN[:, None] * way)) <= np.maximum(low, high)).all():
         return True
     slopes = loop.matrix(np.array([a, b, 0.5 * (a + b)])) * way
     size = np.abs(slopes).max(axis=(0, 2))
     along = slopes.sum(axis=2) / np.where(size > 0, size, 1.0)
     return bool(np.ptp(along, axis=0).max() <= BENT)
+
+
+def residuals_beside(loop: SeparateLoop, z: Array, way: Array) -> tuple[bool, Any]:
+    """Return True if the derivative at a solution tells the residuals beside it, and the least, (unknowns,), that stands out of these if it does not."""
+    left, slopes = loop.residual(z + NEIGHBOURS[..., None] * way) - loop.residual(z), loop.matrix(z) * way
+    scale, total = np.fmax(np.abs(slopes).max(axis=1), 1e-300), slopes.sum(axis=1)
+    missed = np.abs((left - NEIGHBOURS[..., None] * total) / scale).max(axis=-1)
+    told = missed < EXPLAINED * np.abs(NEIGHBOURS) * np.abs(total / scale).max()
+    in_a_row = np.lib.stride_tricks.sliding_window_view(told, IN_A_ROW, axis=1).all(axis=-1).any()
+    return bool(in_a_row), np.maximum(STANDS_OUT * np.abs(left).max(axis=(0, 1)), np.abs(total))
 
 
 def _is_near(loop: SeparateLoop, a: Array, b: Array) -> Any:

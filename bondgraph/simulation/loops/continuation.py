@@ -12,9 +12,9 @@ import numpy as np
 
 from compiler.api import Array
 
-from ...errors import StepsCollapsed
-from .branches import other_solutions
-from .loops import LoopSolver
+from ...errors import RunFailed, StepsCollapsed
+from .branches import other_solutions, residuals_beside
+from .loops import LoopSolver, SeparateLoop
 
 NEARLY = 0.1  # of a correction: what further ones may add to the first
 BESIDE = 0.25  # of the way at the greatest of the last speeds: most that a step is corrected by
@@ -22,7 +22,9 @@ LAST = 8  # knots whose speeds count
 SLIGHT, ROUNDED = 1e-6, 1e-9  # of an unknown: corrections that need not be small beside the way, and that are rounding
 HOLDS = 1e-5  # of the terms of an equation: what may be left of it
 FIRST, FEWEST, SMALLEST = 1e-6, 32, 1e-9  # steps of a segment: the first, the least number of them, and the smallest
-GAPS, STEEP = 0.5 ** np.arange(12.0), 1e-2  # smaller ones, and how far an unknown, of its magnitude, may go there
+GAPS, SUCCESSIVE = np.array([512.0, 1.0]), 32  # in smallest steps, over which an infinite rate is passed; in a row
+SOONER, NEARER = 0.125, 0.8  # share of such a gap, and of its way, within which a solution is after it
+STEEP, SMALL = 1e-2, 1e-300  # the way to the nearest solution, as a share of that to any other; the least of any
 AHEAD = 2.0 ** np.arange(-10.0, 20.0)  # in smallest steps
 
 
@@ -31,7 +33,7 @@ class Continuation:
 
     def __init__(self, loops: LoopSolver, start: float, state: Array, mode: Array, stop: float, places: Array) -> None:
         self.loops, self.mode, self.stop, self.places = loops.measured(start, state, mode), mode, stop, places
-        self.length, self.step = stop - start, FIRST * (stop - start)
+        self.length, self.step, self.passed = stop - start, FIRST * (stop - start), 0
         self.times, self.states = [start], [np.asarray(state, dtype=float)]
         self.sign = self._first_corrections(np.array([start]), self.states[0][None])[1][0]
         slopes = np.abs(self.loops.matrix(start, self.states[0], mode, self.states[0])) * self.loops.magnitude
@@ -47,7 +49,12 @@ class Continuation:
         """Return the solutions at instants of the last step."""
         (start, stop), (first, last) = self.times[-2:], self.states[-2:]
         share = ((times - start) / (stop - start))[:, None]
-        ends, good, _ = self._near(times, np.where(share == 1.0, last, first + share * (last - first)))
+        guesses = np.where(share == 1.0, last, first + share * (last - first))
+        ends, good, _ = self._near(times, guesses)
+        if self.passed:  # no rate is finite there: a solution counts that is between those at both ends
+            slack = SLIGHT * np.abs(last - first)
+            between = (ends >= np.fmin(first, last) - slack) & (ends <= np.fmax(first, last) + slack)
+            good |= self._balance(times, ends, self.loops.solved(times, guesses, self.mode)[1]) & between.all(axis=-1)
         for k in np.flatnonzero(~good):
             within = Continuation(self.loops, start, first, self.mode, times[k], self.places)
             within.beyond(np.nextafter(times[k], start))
@@ -68,24 +75,16 @@ class Continuation:
             ends, good, moved = self._near(np.array([time]), guess[None])
             most = BESIDE * (time - start) * np.abs(speeds).max(axis=0) + SLIGHT * scale
             if good[0] and (moved[0] <= most).all():
-                self.step = 2.0 * (time - start)
+                self.step, self.passed = 2.0 * (time - start), 0
                 return self._keep(time, ends[0])
             size = 0.5 * min(size, time - start)
-        # A rate that is infinite at one instant, as of the root of t, or at which two branches meet.
-        for gap in smallest * GAPS:
-            time = min(start + gap, end)
-            (there,), solved = self.loops.solved(np.array([time]), last[None], self.mode)
-            sign = self._first_corrections(np.array([time]), there[None])[1]
-            if (
-                time > start
-                and self._balance(np.array([time]), there[None], solved)[0]
-                and sign[0] * self.sign >= 0
-                and _are_near(there, last, scale)
-            ):
-                if not any(_are_near(z, last, scale) for z in other_solutions(self.loops, time, there, self.mode)):
-                    self.step = 2.0 * smallest
-                    return self._keep(time, there)
-                break
+        for size in np.maximum(smallest * GAPS, 64 * np.spacing(start)):
+            time = end if start + 1.25 * size >= end else start + size
+            there = self._just_after(start, last, time) if self.passed < SUCCESSIVE else None
+            if there is not None:
+                self.passed += 1
+                self.step = 2.0 * (time - start)
+                return self._keep(time, there)
         names = ", ".join(f"`{n}`" for n in self.loops.program.unknowns.names[:6])
         told = StepsCollapsed(
             "BR749", f"at t = {start:.9g} s the solution of the algebraic loop of {names} ends, or meets others: none lies on its branch just after;",
@@ -93,6 +92,39 @@ class Continuation:
         )  # fmt: skip
         told.ahead = tuple((start + t, last + t * speeds[-1]) for t in smallest * AHEAD)
         raise told.at(start, last, self.mode)
+
+    def _just_after(self, start: float, last: Array, time: float) -> Any:
+        """Return the solution at an instant just after the last knot where a rate is infinite, as of the root of t, or where two branches meet: the one to
+        which there is nothing near, and nearer the earlier. None if there is no such one."""
+        early = min(start + max(SOONER * (time - start), 4 * np.spacing(start)), time)
+        later = self._nearest(time, last)
+        sooner = None if later is None else self._nearest(early, last)
+        if later is None or sooner is None:
+            return None
+        way = later - last
+        rounding = SLIGHT * np.maximum(np.abs(last), np.abs(later))
+        nearer = early == time or (np.abs(sooner - last) <= NEARER * np.abs(way) + rounding).all()
+        signs = {self._sign_along(t, z, way) for t, z in ((start, last), (early, sooner), (time, later))}
+        return later if nearer and not {1.0, -1.0} <= signs else None
+
+    def _nearest(self, time: float, last: Array) -> Any:
+        """Return the solution at an instant that is nearest to the last knot; None if there is none, or another one near."""
+        try:
+            there = self.loops.solve(time, last, self.mode)
+        except RunFailed:
+            return None
+        found = np.array([there, *other_solutions(self.loops, time, there, self.mode)])
+        ways = np.abs(found - last)
+        best, *others = np.argsort((ways / np.fmax(ways.max(axis=0), SMALL)).max(axis=1))
+        near = ways[best] / STEEP + SLIGHT * np.maximum(np.abs(last), np.abs(found[best]))
+        holds = self._balance(np.array([time]), found[best, None], np.array([True]))[0]
+        return found[best] if holds and not (ways[others] <= near).all(axis=1).any() else None
+
+    def _sign_along(self, time: float, state: Array, way: Array) -> float:
+        """Return the sign of the determinant at a solution; 0 where derivatives are not those of the residuals beside it: at a root of several orders."""
+        loop = SeparateLoop(self.loops, (time, state, self.mode), state, np.arange(len(state)))
+        regular = residuals_beside(loop, state, way)[0]
+        return float(self._first_corrections(np.array([time]), state[None])[1][0]) if regular else 0.0
 
     def _keep(self, time: float, state: Array) -> None:
         """Store a knot."""
@@ -133,7 +165,3 @@ class Continuation:
         solvable = np.where((sign != 0)[:, None, None], slopes, np.eye(len(unit)))
         first = np.linalg.solve(solvable, -values[..., None])[..., 0] * unit
         return np.where((sign != 0)[:, None], first, np.nan), sign, zero
-
-
-def _are_near(a: Array, b: Array, scale: Array) -> bool:
-    return bool((np.abs(a - b) <= STEEP * scale).all())
