@@ -316,9 +316,17 @@ def test_three_phases(seed: int) -> None:
     agree(three_phase(seed))
 
 
-@pytest.mark.parametrize("stages", [1])
-def test_cascades(stages: int) -> None:
-    agree(cascade(stages, stages))
+@pytest.mark.few(1)
+@pytest.mark.parametrize("stages", [1, 2, 3, 5])
+@pytest.mark.parametrize("seed", range(4))
+def test_cascades(stages: int, seed: int) -> None:
+    agree(cascade(stages, seed))
+
+
+def test_a_current_that_is_the_rounding_of_two_that_cancel() -> None:
+    """All upper diodes begin to conduct at once; where three of five do, that in the middle has the difference of two equal currents."""
+    text, settings, circuit, _, grid, columns = cascade(5, 3)
+    agree((text, settings, circuit, 6e-4, grid, columns), solver="radau")
 
 
 @pytest.mark.few(3)

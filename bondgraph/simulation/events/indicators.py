@@ -169,15 +169,15 @@ class EventIndicators:
         return self.evaluated(at)[1]
 
     def rounding_of_terms(self, at: HybridState) -> Any:
-        """Return how far the roots move if all given values change in their last places: the rounding of terms that cancel, which no magnitude of a state
+        """Return how far the roots move if all values change in their last places: the rounding of terms that cancel, which no magnitude of a state
         tells, as in a sum of the three phases of a star."""
         roots = self.roots(at.time, at.state, at.mode)
         largest, random = np.zeros(len(roots)), np.random.default_rng(0)
         for _ in range(SHAKES):
-            inputs, constants = (
-                v * (1 + LAST_PLACES * random.integers(-4, 5, len(v))) for v in (self.inputs, self.constants)
+            state, inputs, constants = (
+                v * (1 + LAST_PLACES * random.integers(-4, 5, len(v))) for v in (at.state, self.inputs, self.constants)
             )
-            moved = self.hybrid.roots(at.time, at.state, inputs, constants, at.mode)
+            moved = self.hybrid.roots(at.time, state, inputs, constants, at.mode)
             largest = np.fmax(largest, np.abs(moved - roots))
         return largest
 

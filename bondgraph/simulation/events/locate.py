@@ -30,6 +30,10 @@ NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, f
 GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
+SUSPICIOUS, SHAKEN = (
+    64,
+    4.0,
+)  # parts behind which roots may be rounding of terms that cancel, and the factor on that rounding
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 if TYPE_CHECKING:
@@ -77,6 +81,8 @@ def first_flip(
         if not record["near_count"] and not hidden.any():
             continue
         count += 1
+        if count == SUSPICIOUS:
+            step.discount_rounding(high)
         if count > MOST_PARTS:
             raise _unresolved(events, low, np.flatnonzero((mask("near") & ~mask("converged")) | hidden))
         if bounded is not None and halved <= MOST_HIDDEN:
@@ -149,6 +155,15 @@ class _SearchedStep:
         if self.noise is None:
             self.noise = self.events.noise(HybridState(time, self.state_at(np.array([time]), False)[0], self.mode))
         return self.noise
+
+    def discount_rounding(self, time: float) -> None:
+        """Let roots that are nothing but the rounding of their terms, over the surveyed part, count as zero from now on."""
+        terms = SHAKEN * self.events.rounding_of_terms(
+            HybridState(time, self.state_at(np.array([time]), False)[0], self.mode)
+        )
+        largest = np.abs(self.events.record["values"].reshape(-1, len(terms))).max(axis=0)
+        self.events.floor = np.where(largest <= terms, np.maximum(self.events.floor, terms), self.events.floor)
+        self.begin()
 
     def bounds(self, part: tuple[float, float], times: Array, widths: Array | None) -> tuple[Overlooked | None, Any]:
         """Return bounds on narrow conditions over a part, and a mask of those that may have a zero there and are not constant but for rounding."""
