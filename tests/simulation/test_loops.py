@@ -193,3 +193,15 @@ def test_a_correction_that_is_not_finite_is_not_hidden_by_another_unknown(step: 
     """Corrections of the other unknowns alone would tell that the loop is solved."""
     loop: Any = SimpleNamespace(n=2, step=step, z=(1.0, 1.0), unit=(1.0, 1.0))
     assert not math.isfinite(relative_step(loop, 1e-3))
+
+
+@pytest.mark.parametrize("jump", ["w^3 - w = (0.1 if time > 1 else 3) for w = 1", "w^3 - w = b + 0*time for w = 1 when time > 1 { b = 0.1 }", "w^3 - w = b + 0*time for w = 1 every 3 { b = 0.1 }"])  # fmt: skip
+def test_a_jump_to_one_of_several_solutions_is_told(jump: str) -> None:
+    """w^3 - w = 3 has one solution, w^3 - w = 0.1 has three, of which nothing chooses one."""
+    text = f"plain model A {{ mode b = 3; solve {jump}; output last = w }}".replace(" when", "; when").replace(
+        " every", "; every"
+    )
+    found = bondgraph.load(text).simulate(to=2, points=3)
+    assert found.final("last") == pytest.approx(1.0466805, abs=1e-6)
+    assert [note for note in found.notes if "one of several" in note and "-0.945649" in note]
+    assert not bondgraph.load(text.replace("0.1", "4")).simulate(to=2, points=3).notes

@@ -156,7 +156,7 @@ def _determined(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) ->
         if apart[0]:
             full = loops.solve(at[0], np.concatenate([full[: loops.count], solutions[best]]), at[1])
             return _determined(loops, made, full, at)
-        left, *rest = _shown(loops.program, solutions[[best, *np.flatnonzero(apart)]], differ)
+        left, *rest = in_words(loops.program, solutions[[best, *np.flatnonzero(apart)]], differ)
         notes.append(
             f"nearest to its guess, of several solutions: {left}; not {'; '.join(rest)}; the run follows it from instant to instant"
         )
@@ -164,7 +164,7 @@ def _determined(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) ->
     return full, tuple(notes)
 
 
-def _shown(program: Program, solutions: Array, differ: IntArray) -> list[str]:
+def in_words(program: Program, solutions: Array, differ: IntArray) -> list[str]:
     """Return solutions in words."""
     names, units = program.unknowns.names, program.unknowns.units
     lines = [
@@ -181,7 +181,7 @@ def _several(made: CompiledScene, program: Program, solutions: Array, differ: In
     line = space.unknowns[differ[0]].span.line
     return RunFailed(
         "BR734", f"at t = {time:.9g} s the algebraic loop of {elements} (line {line}) has more than one solution: "
-        f"{'; '.join(_shown(program, solutions, differ))}.",
+        f"{'; '.join(in_words(program, solutions, differ))}.",
         "Nothing in the model chooses between them: put a small storage into the loop (a C beside what gives the flow, an I in line with what gives "
         "the effort) and start it near the one that you mean, or write the law so that only one is left; give what a `solve` looks for a guess near it",
     )  # fmt: skip

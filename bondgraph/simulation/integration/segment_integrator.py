@@ -66,12 +66,12 @@ class SegmentIntegrator(IntegrationState):
         if self.history is not None:
             self.history.window = stretch.start, stretch.stop
         x = self.held(stretch.start, x, stretch.mode)
-        first = self.position
+        first, last = self.position, self.result.kept
         if not self.linear:
             x = self._without_ringing(stretch, x)
         self._put_start(stretch, x, first)
         if not len(self.program.states.names):
-            return without_states(self, stretch, x)
+            return without_states(self, stretch, x, last)
         self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
         if self.linear:
             from .exact import exactly

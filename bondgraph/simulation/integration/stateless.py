@@ -12,17 +12,22 @@ from compiler.api import Array
 from ...errors import StepsCollapsed
 from ..monitors.extremes import PLACES, ExtremesMonitor
 from ..segments.timeline import Segment
+from ..segments.trajectory import Kept
 
 if TYPE_CHECKING:
     from ..loops.continuation import Continuation
     from .integration_state import IntegrationState
 
 PANELS = 32  # of a segment
+JUMPED = 1e-2  # of an unknown: what it moves by at a jump
+CHOSEN = "Newton's method went from the solution before a jump to one of several behind it"
 
 
-def without_states(stepper: IntegrationState, stretch: Segment, x: Array) -> Any:
-    """Solve the loops at each instant, each from the solution before it; there is nothing to integrate."""
+def without_states(stepper: IntegrationState, stretch: Segment, x: Array, last: Kept | None) -> Any:
+    """Solve the loops at each instant, each from the solution before it, `last` before the segment; there is nothing to integrate."""
     branch = _branch(stepper, stretch, x)
+    if branch is not None:
+        _tell_others(stepper, stretch, x, last)
 
     def states_at(times: Array, exactly: bool = True) -> Any:
         """Return the solutions in the present mode, which are exact in any case."""
@@ -83,6 +88,22 @@ def _branch(stepper: IntegrationState, stretch: Segment, x: Array) -> Continuati
     from ..loops.continuation import Continuation
 
     return Continuation(loops, stretch.start, x, stretch.mode, stretch.stop, _places(stepper, stretch))
+
+
+def _tell_others(stepper: IntegrationState, stretch: Segment, x: Array, last: Kept | None) -> None:
+    """Note once the other solutions where a law has jumped away from a branch: Newton's method has gone to one of them."""
+    if last is None:
+        stays = stepper.events is None or not stepper.events.log
+    else:
+        stays = (np.abs(x - last.state) <= JUMPED * np.maximum(np.abs(last.state), np.abs(x))).all()
+    if stays or any(CHOSEN in note for note in stepper.result.notes):
+        return
+    from ..initialization.consistent_start import in_words
+    from ..loops.branches import other_solutions
+
+    if others := other_solutions(stepper.loops, stretch.start, x, stretch.mode):
+        one, *rest = in_words(stepper.program, np.array([x, *others]), np.arange(len(x)))
+        stepper.result.notes.append(f"at t = {stretch.start:.9g} s {CHOSEN}: {one}; not {'; '.join(rest)}")
 
 
 def _places(stepper: IntegrationState, stretch: Segment) -> Any:
