@@ -207,7 +207,7 @@ def test_records_share_nothing() -> None:
     assert other["x"].tolist() == [0.0] * len(program.states.names) and (one["small"], other["small"]) == (1e-3, 0.5)
     assert not np.shares_memory(one["x"], one["y"])
     with pytest.raises(KeyError, match="small"):
-        RecordArray(form_of(Pattern, program, "", dict), {})
+        RecordArray(form_of(Pattern, program, "nothing known", dict), {})
 
 
 def test_balanced_by_machine_code_and_by_its_source() -> None:
