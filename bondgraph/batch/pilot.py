@@ -115,7 +115,7 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
         }
         sound[sound] = [ends[time] for time in times[sound].tolist()]
         loop.put({"size": stretch.stop - times})
-        _advance(loop, "last_step", sound)
+        _advance(loop, "pilot_step", sound)
         taken = loop["taken"].copy()
     largest, reached = steps["largest"].copy(), loop["time"] - first.start
     until = loop["until"].reshape(len(runs), NOTES, -1)

@@ -113,7 +113,7 @@ class PilotRun:
             while pace.time < stretch.stop and pace.taken < pilot.MOST_STEPS:
                 before = pace.time
                 answer = loop.go(
-                    "last_step" if _ends(pace, follows) else "coarse", self, pace, first.start, stretch.mode
+                    "pilot_step" if _ends(pace, follows) else "coarse", self, pace, first.start, stretch.mode
                 )
                 if answer == CROSSED:
                     return self.largest

@@ -15,7 +15,7 @@ from ..linear_algebra.least_degree import least_degree
 from ..linear_algebra.sparse import real_factors
 from ..loop_newton import holds, measured_loops, solve_rows
 from ..methods import EXPLICIT, EXPONENTIAL, SHARED
-from ..pilot.loop import coarse, last_step
+from ..pilot.loop import coarse, pilot_step
 from ..pilot.step import euler
 from ..projection.projection import least_singular_values, project_all, rates_projected
 from .advance import STEPS, advance, advance_through, begin, begin_segment
@@ -23,7 +23,7 @@ from .advance import STEPS, advance, advance_through, begin, begin_segment
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
-        begin, begin_segment, advance, advance_through, euler, coarse, last_step, roots_along, states_along, scaled_along, evaluate, doubt,
+        begin, begin_segment, advance, advance_through, euler, coarse, pilot_step, roots_along, states_along, scaled_along, evaluate, doubt,
         look_ahead, decide, keep, reread, survey, narrow, least_singular_values, project_all, rates_projected, balance, real_factors, least_degree,
         plan_eliminations, put_rows, holds, measured_loops, solve_rows,
     )

@@ -64,25 +64,13 @@ def coarse(c: PilotWorkspace) -> int:
         if c.time + 1.001 * size >= c.stop:
             return FINE
         c.size = size
-        done = sure_step(c, c.euler, c.taken + 1 < CAREFUL)
-        if done == ANEW:
-            return ANEW
-        c.taken += 1
-        if done != FINE:
-            c.size *= 0.25
-            if c.size < c.smallest:
-                return SINGULAR
-            continue
-        go_on(c, c.euler)
-        if has_crossed(c, c.euler):
-            return CROSSED
-        if c.reaching != 0:
-            reached(c, c.euler)
-        note(c, c.euler)
+        done = pilot_step(c)
+        if done != FINE and (done != SINGULAR or c.size < c.smallest):
+            return done
     return FINE
 
 
-def last_step(c: PilotWorkspace) -> int:
+def pilot_step(c: PilotWorkspace) -> int:
     """Make one step, which may end the segment; return `FINE`, `CROSSED`, `ANEW` if the factors need another order, or `SINGULAR` if it fails."""
     done = sure_step(c, c.euler, c.taken + 1 < CAREFUL)
     if done == ANEW:
