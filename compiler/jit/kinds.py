@@ -101,10 +101,10 @@ def zeros_of(noun: type[Record], **numbers: int) -> dict[str, Any]:
     import numpy as np
 
     kinds = record_of(noun).fields
-    known: dict[str, Any] = {name: 0 for name, kind in kinds.items() if kind in (FLOAT, INT)} | numbers
-    fields = {name: known[name] for name in kinds if name in known}
+    values: dict[str, Any] = {name: 0 for name, kind in kinds.items() if kind in (FLOAT, INT)} | numbers
+    fields = {name: values[name] for name in kinds if name in values}
     for name, (factors, plus) in ((n, vars(noun)[n]) for n in kinds if n in vars(noun)):
-        size = prod(f if isinstance(f, int) else known[f] for f in factors) + plus
+        size = prod(f if isinstance(f, int) else values[f] for f in factors) + plus
         fields[name] = np.zeros(size, dtype=np.int64 if kinds[name] == INTS else float)
     return fields
 

@@ -209,7 +209,6 @@ class IntegratorWorkspace(Record):
     redundant: int  # 1 if there are inactive residuals
     # statistics
     steps: int
-    rejected: int
     derivatives: int
     jacobians: int
     factorisations: int

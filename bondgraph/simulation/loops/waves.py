@@ -194,10 +194,10 @@ class _Iteration:
         """Return the derivatives of the equations by waves and free unknowns."""
         loops, count = self.loops, self.count
         slope = loops.slopes(point.arguments)
-        known = np.isfinite(slope)
-        steep = np.where(known, slope, 0.0)
-        of_argument = np.where(known, 1 / (1 + self.per_value * steep), 0.0)
-        of_value = np.where(known, steep / (1 + self.per_value * steep), 1 / self.per_value)
+        finite = np.isfinite(slope)
+        steep = np.where(finite, slope, 0.0)
+        of_argument = np.where(finite, 1 / (1 + self.per_value * steep), 0.0)
+        of_value = np.where(finite, steep / (1 + self.per_value * steep), 1 / self.per_value)
         inner = np.zeros((loops.size, len(point.y)))
         inner[loops.arguments[self.of_arguments], self.of_arguments] = of_argument[self.of_arguments]
         inner[loops.values[self.of_values], self.of_values] = of_value[self.of_values]

@@ -150,7 +150,6 @@ def begin_segment(s: IntegratorWorkspace) -> None:
     s.held_by_stability = 0
     s.free_steps = 0
     s.steps = 0
-    s.rejected = 0
     s.derivatives = 0
     s.jacobians = 0
     s.factorisations = 0

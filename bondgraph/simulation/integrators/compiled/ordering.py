@@ -74,22 +74,22 @@ def _distinct(numbers: IntArray) -> Any:
 def _least_degree(start: IntArray, neighbours: IntArray, compiled: bool) -> Any:
     """Return the nodes in an order with little fill."""
     count, room = len(start) - 1, len(neighbours) + len(start)
-    given = zeros_of(Quotient, n=count, room=room, free=len(neighbours))
-    given["lists"][: len(neighbours)] = neighbours
-    _work(least_degree, Quotient, given | {"start": start[:-1].copy(), "length": np.diff(start)}, compiled)
-    return given["order"]
+    fields = zeros_of(Quotient, n=count, room=room, free=len(neighbours))
+    fields["lists"][: len(neighbours)] = neighbours
+    _work(least_degree, Quotient, fields | {"start": start[:-1].copy(), "length": np.diff(start)}, compiled)
+    return fields["order"]
 
 
 def _eliminated(start: IntArray, neighbours: IntArray, order: IntArray, compiled: bool) -> EliminationPattern:
-    given = zeros_of(Eliminations, n=len(order)) | {"start": start, "neighbours": neighbours, "order": order}
-    given |= dict.fromkeys(("lower", "upper"), np.zeros(0, dtype=np.int64))
-    _work(plan_eliminations, Eliminations, given, compiled)
-    starts = {name: np.concatenate([[0], np.cumsum(given[name])]) for name in ("count", "number")}
-    lower, upper = (np.zeros(found[-1], dtype=np.int64) for found in starts.values())
-    given |= {"lower": lower, "upper": upper} | {name: found[:-1].copy() for name, found in starts.items()}
-    _work(put_rows, Eliminations, given, compiled)
-    place = given["place"]
-    return EliminationPattern(place, place, (starts["count"], lower), (starts["number"], upper), given["wide"])
+    fields = zeros_of(Eliminations, n=len(order)) | {"start": start, "neighbours": neighbours, "order": order}
+    fields |= dict.fromkeys(("lower", "upper"), np.zeros(0, dtype=np.int64))
+    _work(plan_eliminations, Eliminations, fields, compiled)
+    starts = {name: np.concatenate([[0], np.cumsum(fields[name])]) for name in ("count", "number")}
+    lower, upper = (np.zeros(result[-1], dtype=np.int64) for result in starts.values())
+    fields |= {"lower": lower, "upper": upper} | {name: result[:-1].copy() for name, result in starts.items()}
+    _work(put_rows, Eliminations, fields, compiled)
+    place = fields["place"]
+    return EliminationPattern(place, place, (starts["count"], lower), (starts["number"], upper), fields["wide"])
 
 
 def _work(function: Callable[[Any], None], noun: type[Record], given: Mapping[str, Any], compiled: bool) -> None:
@@ -169,12 +169,12 @@ def _fields(elimination: EliminationPattern, rows: IntArray, columns: IntArray, 
     row = np.concatenate([entry_rows, row_place[alone]])
     column = np.concatenate([entry_columns, column_place[alone]])
     order = np.argsort(column, kind="stable")
-    found: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "start": np.searchsorted(column[order], np.arange(count + 1)), "row": row[order], "entry": entry[order], "shifted": shifted[order],
         "l_start": elimination.lower[0], "l_row": elimination.lower[1], "u_start": elimination.upper[0], "u_row": elimination.upper[1],
         "row_place": row_place, "column_place": column_place, "wide": elimination.wide,
     }  # fmt: skip
-    return {name: np.ascontiguousarray(array, dtype=np.int64) for name, array in found.items()} | room_in(found)
+    return {name: np.ascontiguousarray(array, dtype=np.int64) for name, array in fields.items()} | room_in(fields)
 
 
 def room_in(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -188,8 +188,8 @@ def _without_diagonal(factor: Any, count: int) -> tuple[Any, Any]:
     factor = factor.tocsc()
     factor.sort_indices()
     columns = np.repeat(np.arange(count), np.diff(factor.indptr))
-    kept = factor.indices != columns
-    return np.searchsorted(columns[kept], np.arange(count + 1)), factor.indices[kept]
+    beside = factor.indices != columns
+    return np.searchsorted(columns[beside], np.arange(count + 1)), factor.indices[beside]
 
 
 def _wide(starts: IntArray, rows: IntArray) -> Any:

@@ -61,10 +61,10 @@ class CompiledPilotStep:
         rows, columns = program.pattern
         self.program, native = program, program.native is not None
         self.order = Ordered(program, SMALL) if native else Unordered(program)
-        given = {
+        fields = {
             "inputs": inputs, "constants": constants, "rows": rows, "columns": columns, "pattern": self.order.values, "smallest": smallest,
         }  # fmt: skip
-        self.values = record_for(Euler, program, "", lambda: _room(program, constants), given, native)
+        self.values = record_for(Euler, program, "", lambda: _room(program, constants), fields, native)
         self.record = self.values.record
 
 
@@ -79,14 +79,14 @@ class CompiledPilotRun:
         self.euler, self.most, n = steps, most, steps.record.n
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = motion or (nothing, nothing, ones)
-        given = {
+        fields = {
             "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
-        given |= {"guessing": int("loops" in others), "multiplying": int("closed" in others), **others}
+        fields |= {"guessing": int("loops" in others), "multiplying": int("closed" in others), **others}
         self.modes = [record["mode"] for record in (steps.values, others.get("closed")) if record is not None]
         program, native = steps.program, steps.program.native is not None
-        self.values = record_for(PilotWorkspace, program, "", lambda: _room_of_loop(program), given, native)
+        self.values = record_for(PilotWorkspace, program, "", lambda: _room_of_loop(program), fields, native)
         self._record = self.values.record
 
     def observe(self, conditions: Conditions) -> None:

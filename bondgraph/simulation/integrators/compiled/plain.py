@@ -65,22 +65,22 @@ def record_for(
 
 def functions_of(noun: type[Record], program: Program) -> dict[str, Callable[..., None]]:
     """Return the functions of a program that a record names, for calls by the source: values go into an argument."""
-    found: dict[str, Callable[..., None]] = {}
+    functions: dict[str, Callable[..., None]] = {}
     count = len(program.states.names) + len(program.unknowns.names)
     for name, kind in record_of(noun).fields.items():
         if isinstance(kind, Handed):
             owner = program.hybrid if name == "roots" else program
             function: Any = getattr(owner, "jacobian_entries" if name == "entries" else name, None)
-            found[name] = _into(_of_time(function) if name == "signals" else function, count)
-    return found
+            functions[name] = _into(_of_time(function) if name == "signals" else function, count)
+    return functions
 
 
 def _into(function: Callable[..., Any], count: int) -> Callable[..., None]:
     """Wrap a function of `count` states and unknowns, which may be the first numbers of a longer array; an absent one is never called."""
 
     def call(time: float, state: Array, inputs: Array, constants: Array, mode: Array, out: Array) -> None:
-        found = function(time, state[:count], inputs, constants, mode)
-        out[: len(found)] = found
+        values = function(time, state[:count], inputs, constants, mode)
+        out[: len(values)] = values
 
     return call
 

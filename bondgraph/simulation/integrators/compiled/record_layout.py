@@ -107,9 +107,9 @@ class RecordArray:
                 words[place] = value.address
                 self._arrays[name] = value
             else:
-                wanted = _WHOLE if kind == INTS else _DOUBLE
-                if type(value) is not np.ndarray or value.dtype != wanted or not value.flags.c_contiguous:
-                    value = np.ascontiguousarray(value, dtype=wanted)
+                dtype = _WHOLE if kind == INTS else _DOUBLE
+                if type(value) is not np.ndarray or value.dtype != dtype or not value.flags.c_contiguous:
+                    value = np.ascontiguousarray(value, dtype=dtype)
                 self._arrays[name] = value
                 words[place] = address_of(value)
 
@@ -133,13 +133,13 @@ class RecordArray:
         return called(source, WHOLE, POINTER, *kinds)(self.address, *values)  # type: ignore[no-any-return]
 
     def __getitem__(self, name: str) -> Any:
-        found = self._arrays.get(name)
-        if found is not None:
-            return found
+        array = self._arrays.get(name)
+        if array is not None:
+            return array
         if name in self._form.views:
             begin, size, whole = self._form.views[name]
-            found = self._arrays[name] = (self._words if whole else self._numbers)[begin : begin + size]
-            return found
+            array = self._arrays[name] = (self._words if whole else self._numbers)[begin : begin + size]
+            return array
         if self._form.places[name][1] in _C_TYPES:
             return getattr(self.record, name)
         raise KeyError(name)
@@ -212,9 +212,9 @@ def _layout(noun: type) -> type[ctypes.Structure]:
 
 def form_of(noun: type, program: Program, key: object, values: Callable[[], Mapping[str, Any]]) -> RecordLayout:
     """Return the layout of a record for a program, cached with it. `key`: further data on which it depends."""
-    kept = program.kept
-    found: RecordLayout | None = kept.get((noun, key))
-    if found is None:
+    forms = program.kept
+    form: RecordLayout | None = forms.get((noun, key))
+    if form is None:
         assert program.native is not None
-        found = kept[noun, key] = RecordLayout(noun, values(), program.native.addresses)
-    return found
+        form = forms[noun, key] = RecordLayout(noun, values(), program.native.addresses)
+    return form

@@ -81,11 +81,11 @@ class Ordered:
         """Choose an order for these numbers; return False if there is none."""
         if self._on_diagonal(shift, entries):
             return True
-        found = ordered(*self.pattern, shift, entries)
-        if found is None:
+        factors = ordered(*self.pattern, shift, entries)
+        if factors is None:
             self.record.ready = 0
             return False
-        self._take(found, self._small)
+        self._take(factors, self._small)
         return True
 
     def _on_diagonal(self, shift: float, entries: Array) -> bool:
@@ -93,10 +93,10 @@ class Ordered:
         key = "order", len(entries), self.pattern[-1]
         if key not in self._kept:
             self._kept[key] = on_diagonal(*self.pattern)
-        known = self._kept[key]
-        if known is None:
+        order = self._kept[key]
+        if order is None:
             return False
-        self._take(known | room_in(known), DIAGONAL)
+        self._take(order | room_in(order), DIAGONAL)
         factorise = called("real_factors", WHOLE, POINTER, ctypes.c_double, POINTER)
         fits: bool = factorise(self.values.address, shift, address_of(np.ascontiguousarray(entries))) == FINE
         self.record.small = self._small
@@ -127,20 +127,19 @@ class CompiledMethod:
         program = context.program
         self.program, self.constraints, self.native = program, constraints, constraints.native
         self.order = order_of(program) if self.native else Unordered(program)
-        given = given_at(context, stretch, state, longest, signals)
-        given |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
+        fields = given_at(context, stretch, state, longest, signals)
+        fields |= {"closed": constraints.values, "redundant": int(constraints.redundant), "pattern": self.order.values}
 
         def room() -> dict[str, Any]:
             at = stretch.start, state, context.inputs, context.constants, stretch.mode
             bends, peaks = (0 if f is None else len(f(*at)) for f in (program.bends, program.peaks))
             return room_of(program, method, len(signals.allowed), bends, peaks)
 
-        self.values = record_for(IntegratorWorkspace, program, method, room, given, self.native)
+        self.values = record_for(IntegratorWorkspace, program, method, room, fields, self.native)
         if not self.native:  # Python examines many instants at once
             self.values.put({"root_narrow": 1, "always": int(program.watched)})
         self.fixed_size: float | None = None  # size of all steps, for a method with equal steps
         self._mode: Any = None  # the mode set last
-        self._begun = False
         self._record = self.values.record
 
     def report(self, instants: Array, position: int, states: Array) -> None:
@@ -176,7 +175,6 @@ class CompiledMethod:
     def begin(self) -> None:
         """Evaluate the rates at the start of the segment."""
         self.put_mode(self.values["mode"])
-        self._begun = True
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
         self.values.call("begin")
         if self.fixed_size is not None:
@@ -192,7 +190,6 @@ class CompiledMethod:
         assert isinstance(self.values, RecordArray)
         self.values.restore(self._saved)
         self.put_mode(mode)
-        self._begun = False
 
     def begin_at(self, stretch: Segment, state: Array, signals: Signals, method: int, automatic: int) -> None:
         """Go on with another segment, or after an event, as a new solver would."""

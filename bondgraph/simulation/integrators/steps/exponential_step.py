@@ -55,7 +55,6 @@ def exponential_step(s: IntegratorWorkspace) -> int:
         put_places(s, end - s.time)
         if size <= max(unit, least) or is_resolved(s):
             break
-        s.rejected += 1
         size *= 0.5
     for i in range(n):
         s.new[i] = s.slope[PLACES * n + i]

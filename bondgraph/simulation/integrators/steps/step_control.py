@@ -127,7 +127,6 @@ def next_try(s: IntegratorWorkspace, size: float, norm: float, safety: float, po
 
 def is_stubborn(s: IntegratorWorkspace, rejected: int, size: float, norm: float) -> bool:
     """Return True if much shorter steps have not reduced the error; `rejected`: the number of this try."""
-    s.rejected += 1
     last = (rejected - 1) % STUBBORN
     first = rejected % STUBBORN
     s.norms[last] = norm
