@@ -22,8 +22,10 @@ Places = tuple[Expression, ...]
 STEPS = frozenset({"tanh", "atan", "erf"})
 TABLES = frozenset({"linear", "cubic", "monotone"})
 MONOTONE = frozenset({"add", "multiply", "divide", "power", "min", "max"})  # in one operand
+POLYNOMIAL = frozenset({"add", "multiply", "divide", "power"})
 OPAQUE = CONDITIONS | SYSTEMS | {"item"}
 MOST = 8  # places of one operation
+LARGE = 100  # operations, from which on a function is one of a mechanism rather than a law, and its slope costs more than it tells
 
 
 class Peaks:
@@ -49,14 +51,15 @@ class Peaks:
         if not moving or (linear and all(o in self.affine for o in moving)):
             self.affine.add(node)
             return
-        places, turns = self.places_of(moving[0])
         match node:
             case Apply(operator="exp"):
+                places, turns = self.places_of(moving[0])
                 if turns:
                     self._put(places, node)
                 else:
                     self.exponentials[node] = places
             case Apply(operator=operator, operands=(x,)) if operator in STEPS:
+                places, turns = self.places_of(x)
                 self.steps[node] = places if turns == 2 else (x,)
                 if turns == 2:
                     self._put(places, node)
@@ -90,7 +93,8 @@ class Peaks:
                     self.places_of(o)[1] == 2 for o in moving if x.operator == "add"
                 )
                 slopes, bends = self._slope(x)
-                return slopes or (x,), 2 if never_negative(x) else int(waves or bends)
+                wide = not (waves or bends) or not self._is_small_polynomial(x)
+                return slopes or (x,), int(waves or bends) if wide and not never_negative(x) else 2
             x = moving[0]
         return (x,), 0
 
@@ -99,7 +103,7 @@ class Peaks:
 
         By its only symbol, or with the rates of all of them: these may be as narrow as the law, so the function itself counts, too.
         """
-        if x in self.affine:
+        if x in self.affine or _is_large(x):
             return (), False
         names = [s for s in symbols(x) if self.moves(s) or s in self.rates]
         try:
@@ -111,6 +115,19 @@ class Peaks:
             return tuple(slopes) if bends else (), bends
         return (x, sum((slope * self.rates[s] for slope, s in zip(slopes, names, strict=True)), ZERO)), False
 
+    def _is_small_polynomial(self, x: Expression) -> bool:
+        """Return True for a polynomial of one or two moving symbols: what mechanisms divide by has waves, or is of more, and is no narrow law."""
+        if sum(self.moves(s) for s in symbols(x)) > 2 or _is_large(x):
+            return False
+        waiting = [x]
+        while waiting:
+            node = waiting.pop()
+            if isinstance(node, Apply) and self.moves(node):
+                if node.operator not in POLYNOMIAL:
+                    return False
+                waiting += node.operands
+        return True
+
     def _put(self, places: Iterable[Expression], value: Expression) -> None:
         self.pairs |= dict.fromkeys((place, value) for place in places)
 
@@ -121,7 +138,7 @@ class Peaks:
             self._put(self.exponentials[below], node)
             return
         places, turns = self.places_of(below)
-        if turns:
+        if turns == 2:
             self._put(places, value)
         self._join(node, moving, False)
 
@@ -159,6 +176,16 @@ def _is_even(x: Apply) -> bool:
     if x.operator == "power":
         return isinstance(n := x.operands[1], Number) and n.value % 2 == 0 and not never_negative(x.operands[0])
     return x.operator in ("cosh", "abs")
+
+
+def _is_large(x: Expression) -> bool:
+    waiting, seen = [x], set[Expression]()
+    while waiting and len(seen) <= LARGE:
+        node = waiting.pop()
+        if node not in seen:
+            seen.add(node)
+            waiting += node.operands if isinstance(node, Apply) else ()
+    return len(seen) > LARGE
 
 
 def peaks(rates: Iterable[Expression], states: int, moves: Callable[[Expression], bool]) -> Places:

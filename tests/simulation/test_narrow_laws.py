@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import bondgraph
+from tests.compiling import MODELS
 
 # Laws of area `width`, around a place.
 LAWS = {
@@ -211,3 +212,10 @@ def test_a_narrow_law_of_a_closed_chain() -> None:
         "start_up", outputs=("q0", "q1")
     )
     assert [found.final("q0"), found.final("q1")] == pytest.approx([sqrt(pi)] * 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["published/andrews", "crane", "flexure", "pendulum", "six_axes"])
+def test_what_a_mechanism_divides_by_is_no_narrow_law(name: str) -> None:
+    """Looking for peaks of it doubled the time of a run."""
+    model = bondgraph.load(MODELS / f"{name}.bg")
+    assert model.compilation(model.scene()).lowered.peaks == ()
