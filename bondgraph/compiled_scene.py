@@ -45,7 +45,7 @@ def many_runs(plan: Plan, scene: Scene) -> ManyRuns | None:
         return ManyRuns(
             "BR611", f"the experiment `{plan.experiment}` sweeps {names}: it is many runs, which `Model.run` makes"
         )
-    varied = {d.name for s in plan.studies for d in getattr(s, "vary", ())}
+    varied = {name for s in plan.studies if isinstance(s, api.MonteCarloRequest) for name, _ in s.vary}
     if not varied <= set_here:
         return ManyRuns(
             "BR612", f"the experiment `{plan.experiment}` is a `montecarlo`: it is many runs, which `Model.run` makes"
