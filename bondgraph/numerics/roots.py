@@ -96,7 +96,7 @@ def zeros_between(
     """
     b, a, at_b, at_a = low, high, at_low, at_high
     c, at_c, share = a, at_a, np.full(len(low), 0.5)
-    going = np.ones(len(low), dtype=bool)
+    going = (at_low != 0) & (at_high != 0)
     for _ in range(MOST):
         if not going.any():
             break

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import bondgraph
 from bondgraph.compiled_scene import TARGETS
 from bondgraph.errors import RunFailed
-from bondgraph.numerics.roots import crossing
+from bondgraph.numerics.roots import crossing, zeros_between
 from bondgraph.results.result import Result
 from bondgraph.simulation.constraints.singular import SingularPoseMonitor
 from bondgraph.simulation.integrators.acceptance.crossing_search import narrow
@@ -283,6 +283,14 @@ def test_a_flat_zero_takes_few_evaluations() -> None:
 
     assert abs(crossing(ninth, -1.0, 4.0, 1e-12)) < 1e-11
     assert count <= 50
+
+
+def test_an_end_at_which_a_function_is_zero() -> None:
+    """It has no sign that a search between both ends could keep."""
+    low, high = np.array([-8.0, 0.0, -1.0]), np.array([0.0, 1.0, 2.0])
+    with np.errstate(all="ignore"):
+        a, b, at_a, at_b = zeros_between(np.sinh, low, high, np.sinh(low), np.sinh(high), lambda _: 1e-16)
+    np.testing.assert_allclose(np.where(np.abs(at_a) < np.abs(at_b), a, b), 0.0, atol=1e-15)
 
 
 def test_a_least_value_at_the_edge_of_a_crossing_is_no_pose() -> None:

@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 import bondgraph
+from bondgraph.simulation.loops.waves import _arguments
 
 Law = Callable[[float, float], tuple[float, float]]  # voltage, current -> what the law lacks, the size of its terms
 
@@ -245,3 +246,13 @@ def _charged() -> float:
     found = solve_ivp(rate, (0, 0.02), [0.0], rtol=1e-9, atol=1e-10, method="LSODA", dense_output=True, max_step=2e-5)
     at = np.linspace(0, 0.02, 41)
     return float(found.sol(at)[0].max())
+
+
+@pytest.mark.parametrize("near", [0.0, -1.0, 0.5, 1e-3])
+@pytest.mark.parametrize("wave", [0.0, 1.0, -2.0])
+def test_a_wave_at_which_one_law_is_met_exactly(near: float, wave: float) -> None:
+    """The other laws are solved all the same: 2 a and a + sinh(a) are waves, from one place."""
+    waves = np.array([wave, wave + 0.3])
+    with np.errstate(all="ignore"):
+        found = _arguments(lambda a: np.array([a[0], np.sinh(a[1])]), waves, np.ones(2), np.full(2, near))
+    np.testing.assert_allclose(found + np.array([found[0], math.sinh(found[1])]), waves, rtol=1e-14, atol=1e-290)

@@ -231,18 +231,17 @@ def _arguments(law: Function, waves: Array, per_value: Array, near: Array) -> An
     slope = np.maximum(np.abs(waves - near), 1e-3)
     low, high = np.where(value < 0, near, -np.inf), np.where(value >= 0, near, np.inf)
     at_low, at_high = value.copy(), value.copy()
-    reach = np.minimum(2 * np.abs(value), 1e-3 * slope) + 1e-12 * np.abs(near)
+    reach = np.minimum(2 * np.abs(value), 1e-3 * slope) + 1e-12 * np.abs(near) + 1e-300
     for _ in range(DOUBLINGS):
         below, above = np.isinf(low), np.isinf(high)
         if not (below | above).any():
-            a, b, at_a, at_b = zeros_between(
-                beyond, low, high, at_low, at_high, lambda best: 2e-16 * np.abs(best) + 1e-300
-            )
-            return np.where((at_a == 0) | (np.abs(at_a) < np.abs(at_b)), a, b)
+            break
         middle = np.where(below, high - reach, np.where(above, low + reach, low))
         value = beyond(middle)
         down, up = (below | above) & (value < 0), (below | above) & (value >= 0)
         low, at_low = np.where(down, middle, low), np.where(down, value, at_low)
         high, at_high = np.where(up, middle, high), np.where(up, value, at_high)
         reach = reach * 8
-    return np.where(np.isinf(low), high, low)
+    low, high = np.where(np.isinf(low), high, low), np.where(np.isinf(high), low, high)  # of a law without a bracket
+    a, b, at_a, at_b = zeros_between(beyond, low, high, at_low, at_high, lambda best: 2e-16 * np.abs(best) + 1e-300)
+    return np.where((at_a == 0) | (np.abs(at_a) < np.abs(at_b)), a, b)
