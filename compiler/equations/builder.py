@@ -168,9 +168,7 @@ class EquationBuilder(EquationCollection):
             case "mode":  # a discrete variable is defined by its start
                 start = self.static(self.folded(definition), f"{name} at the start", span)
                 self.discretes.append(Discrete(variable, start))
-            case (
-                "rate"
-            ):  # of an expression: index reduction writes it as it writes those of storages in derivative form
+            case "rate":  # index reduction writes it as it writes those of storages in derivative form
                 of = self.held(self.folded(definition), f"argument of {name}", "", span)
                 self.differentiated(variable, of, span, name)
             case "solve":  # the unknown makes its definition zero

@@ -11,10 +11,8 @@ from ...simulation.integrators.workspace import Function, IntegratorWorkspace
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3  # answers to an importer
 INSTANTIATED, INITIALIZING, EVENTS, RUNNING, TERMINATED, FAILED = 0, 1, 2, 3, 4, 5  # phases of an instance
 KEPT = OFTEN + 1  # intervals kept for each event: the last ones, and the longest
-EVENT_MODE, EARLY_RETURN = (
-    2,
-    4,
-)  # bits of `makes_steps`: the importer lets events act; a step may end before its communication point
+# Bits of `makes_steps`: the importer lets events act; a step may end before its communication point.
+EVENT_MODE, EARLY_RETURN = 2, 4
 # Messages, by their numbers in `messages.py`.
 (
     SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, LIMIT_LEFT, TABLE_LEFT, WRONG_TIME, NO_SLOPE,
@@ -60,9 +58,7 @@ class EventData(Record):
     acted: Ints = sized("event_count")  # 1 for those that acted at this instant
     left: Ints = sized("event_count")  # how often in a row an event made its condition false
     when: Floats = sized("event_count")  # instant at which it acted last
-    intervals: Floats = sized(
-        KEPT, "event_count"
-    )  # between the last instants at which it acted, the latest first; then the longest one
+    intervals: Floats = sized(KEPT, "event_count")  # between its last instants, the latest first; then the longest one
     floor: Floats = sized("root_count")  # before this instant
     flips: Ints = sized("root_count")  # conditions that change again and again
     crossed: Ints = sized("root_count")  # those that have crossed zero

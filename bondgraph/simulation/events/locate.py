@@ -30,10 +30,7 @@ NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, f
 GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
-SUSPICIOUS, SHAKEN = (
-    64,
-    4.0,
-)  # parts behind which roots may be rounding of terms that cancel, and the factor on that rounding
+SUSPICIOUS, SHAKEN = 64, 4.0  # parts after which roots may be rounding of terms that cancel; factor on that rounding
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 if TYPE_CHECKING:

@@ -22,9 +22,8 @@ LARGEST = 100  # most unknowns of a loop that is searched
 SOLVED = 1e-3  # of the largest unknown: Newton step that is left at a solution
 BENT = 1e-3  # relative change of the derivative between two different solutions
 BETWEEN = np.arange(1, 20) / 20
-NEIGHBOURS = np.outer(
-    (1.0, -1.0), 0.5 ** np.arange(6, 41)
-)  # of a solution, to either side, in shares of the distance to another
+# Neighbours of a solution, to either side, in shares of the distance to another.
+NEIGHBOURS = np.outer((1.0, -1.0), 0.5 ** np.arange(6, 41))
 EXPLAINED, IN_A_ROW = 0.25, 3  # error of residuals told by the derivative, and at how many successive neighbours
 STANDS_OUT = 64.0  # times the residuals of these neighbours: one between that is none of rounding
 

@@ -55,9 +55,7 @@ class PhaseSolution:
 
     def _mode_at_end(self, last: Segment) -> Any:
         """Return the mode of the last instant, which no segment has."""
-        if (
-            self.instants[-1] < self.planned[-1].stop or last.start == last.stop
-        ):  # at first: cut off at a reported instant
+        if self.instants[-1] < self.planned[-1].stop or last.start == last.stop:  # first: cut off at a reported one
             return last.mode
         return mode_after(self.constraints.program, self.constraints.constants, last.stop, last)
 

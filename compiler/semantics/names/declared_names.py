@@ -28,9 +28,7 @@ class DeclaredName:
     path: Path
     owner: tuple[str, ...]
     name: str
-    kind: str = field(
-        compare=False
-    )  # model parameter constant input output signal mode port element junction instance …
+    kind: str = field(compare=False)  # model parameter constant input output signal mode port element junction …
     span: Span = field(compare=False)
     node: tree.SyntaxNode = field(compare=False)
     type: str = field(default="", compare=False)  # of an element or instance its kind, of a port its domain

@@ -62,9 +62,8 @@ class IndicatorWorkspace(Record):
     whole: float  # time in which the flow moves a state by its magnitude, at most the run's length
     # roots a little later
     truth: Ints = sized("root_count")  # 1 where the condition holds just after
-    sought: Ints = sized(
-        "root_count"
-    )  # 1 where the sign is sought, -1 where it was found, `SLOWLY` in a motion from rest, 0 where it was clear
+    # 1 where the sign is sought, -1 where it was found, `SLOWLY` in a motion from rest, 0 where it was clear
+    sought: Ints = sized("root_count")
     moved: Floats = sized("root_count")  # change that shows it, or 0
     later: Floats = sized("n")
     slope: Floats = sized("n")
@@ -99,9 +98,7 @@ class IndicatorWorkspace(Record):
     scale: Floats = sized("root_count")  # size of the roots behind the crossing
     flipping: Ints = sized("root_count")  # 1 for the conditions that are followed
     behind: Ints = sized("root_count")  # 1 where a condition differs from the mode at the last instant
-    touching: Ints = sized(
-        "root_count"
-    )  # 2 where a condition is zero at the found instant alone, `CHANGES` where it changes
+    touching: Ints = sized("root_count")  # 2 where it is zero at the found instant alone, `CHANGES` where it changes
     bracket: Bracket
     found: float  # first instant behind the crossing
 

@@ -89,7 +89,7 @@ def room_of(program: Program, method: int, signals: int, bends: int, peaks: int)
 
 
 def fields_at(stretch: Segment, signals: Signals, method: int, automatic: int) -> dict[str, Any]:
-    """Return the numbers with which a `IntegratorWorkspace` goes on at the start of another segment."""
+    """Return the numbers with which an `IntegratorWorkspace` goes on at the start of another segment."""
     earliest, latest = inside(stretch)
     return signal_fields(signals, stretch.start) | {
         "time": stretch.start, "stop": float(stretch.stop), "until": float(stretch.stop), "earliest": earliest, "latest": latest,
