@@ -1,8 +1,8 @@
-"""Domains of expressions: check that an expression has a real value for all real values of some of its symbols."""
+"""Domains of expressions: check that an expression has a real value, and a finite slope, for all real values of some of its symbols."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from .expression import Apply, Expression, Number, Symbol, operations, symbols
 from .operators import OPERATORS
@@ -27,6 +27,20 @@ def _is_total(node: Apply, varies: Callable[[Symbol], bool]) -> bool:
         ):
             return not _moves(inner, varies) or (operator in ("sqrt", "root") and _is_magnitude(inner))
     return True
+
+
+def is_steep(x: Expression, varies: Callable[[Symbol], bool]) -> bool:
+    """Return True if a root in `x` has an infinite slope where the varying symbols make a magnitude zero: sign(u)*sqrt(abs(u))."""
+    return any(_is_magnitude(root.operands[0]) and _moves(root.operands[0], varies) for root in _roots(x))
+
+
+def _roots(x: Expression) -> Iterator[Apply]:
+    for node in operations(x):
+        match node:
+            case Apply(operator="power", operands=(_, Number(n))) if 0 < n < 1:
+                yield node
+            case Apply(operator="sqrt" | "root"):
+                yield node
 
 
 def _moves(x: Expression, varies: Callable[[Symbol], bool]) -> bool:

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from ..algebra.affine import affine_parts, solve_affine
 from ..algebra.derivative import derivative
-from ..algebra.domain import is_total
+from ..algebra.domain import is_steep, is_total
 from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divide, negate, substitute, symbols
 from ..algebra.invert import solve_nonlinear
 from ..graph.elements import Kind
@@ -57,20 +57,24 @@ def paired(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...]
 
 @lru_cache(maxsize=4096)
 def total_residual(law: Law, wanted: PortVariable) -> Expression | None:
-    """Residual of a law that is defined everywhere, for a law whose solution for the wanted variable is not.
+    """Residual of a law that is defined and has slopes everywhere, for a law whose solution for the wanted variable is or has not.
 
-    None if the solution itself is defined everywhere, or no form of the law is. A diode's voltage is a logarithm that ends at its
-    saturation current; its current is defined for every voltage, and the author may have written either form.
+    None if the solution itself is so, or no form of the law is. A diode's voltage is a logarithm that ends at its saturation current; its
+    current is defined for every voltage, and the author may have written either form. A cube root has no slope at zero, where a cube has.
     """
     found = solved(law, (wanted,))
-    if found is None or law.energy is not None or is_total(found[0], _is_own):
+    if found is None or law.energy is not None or _is_regular(found[0]):
         return None
     others = {s.key for left, right in law.equations for s in (*symbols(left), *symbols(right)) if _is_own(s)}
     for other in sorted(others - {wanted}, key=lambda own: (own.port, own.variable)):
         turned = solved(law, (other,))
-        if turned is not None and depends_on(turned[0], Symbol(wanted)) and is_total(turned[0], _is_own):
+        if turned is not None and depends_on(turned[0], Symbol(wanted)) and _is_regular(turned[0]):
             return turned[0] - Symbol(other)
     return None
+
+
+def _is_regular(x: Expression) -> bool:
+    return is_total(x, _is_own) and not is_steep(x, _is_own)
 
 
 def _is_own(symbol: Symbol) -> bool:
