@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import bondgraph
 from bondgraph.errors import RunFailed
@@ -205,3 +206,31 @@ def test_a_jump_to_one_of_several_solutions_is_told(jump: str) -> None:
     assert found.final("last") == pytest.approx(1.0466805, abs=1e-6)
     assert [note for note in found.notes if "one of several" in note and "-0.945649" in note]
     assert not bondgraph.load(text.replace("0.1", "4")).simulate(to=2, points=3).notes
+
+
+STEEP = "plain model A {{\n  Sf s : f = sin(3*time)\n  0 a\n  1 b\n  R c : {}\n  R d : {}\n  C k : e = 5*q\n  s -> a -> c\n  a -> b -> d, k\n  output x = k.q\n}}\n"
+
+
+@pytest.mark.parametrize(
+    ("laws", "first", "second"),
+    [
+        (("e = f^3", "e = 2*f^3"), lambda f: f**3, lambda f: 2 * f**3),
+        (("e = f^5", "e = 2*f*abs(f)"), lambda f: f**5, lambda f: 2 * f * abs(f)),
+        (
+            ("f = e*abs(e)", "f = 2*sign(e)*sqrt(abs(e))"),
+            lambda f: np.sign(f) * abs(f) ** 0.5,
+            lambda f: f * abs(f) / 4,
+        ),
+    ],
+)
+def test_laws_that_are_flat_or_steep_at_zero_pass_it(
+    laws: tuple[str, str], first: Callable[[float], float], second: Callable[[float], float]
+) -> None:
+    """A root has no slope at zero, and a sign that jumps there; the power whose inverse it is has a slope and no sign."""
+
+    def rate(time: float, x: Any) -> list[float]:
+        return [bisected(lambda f: second(f) + 5 * x[0] - first(math.sin(3 * time) - f), -9.0, 9.0)]
+
+    found = bondgraph.load(STEEP.format(*laws)).simulate(to=4, points=21)
+    right = solve_ivp(rate, (0, 4), [0.0], t_eval=np.linspace(0, 4, 21), method="LSODA", rtol=1e-6, atol=1e-8).y[0]
+    assert np.abs(found["x"] - right).max() < 2e-4 * np.abs(right).max()
