@@ -63,18 +63,24 @@ def total_residual(law: Law, wanted: PortVariable) -> Expression | None:
     current is defined for every voltage, and the author may have written either form. A cube root has no slope at zero, where a cube has.
     """
     found = solved(law, (wanted,))
-    if found is None or law.energy is not None or _is_regular(found[0]):
+    if found is None or law.energy is not None:
+        return None
+    has_gaps = not is_total(found[0], _is_own)
+    if not has_gaps and not is_steep(found[0], _is_own):
         return None
     others = {s.key for left, right in law.equations for s in (*symbols(left), *symbols(right)) if _is_own(s)}
     for other in sorted(others - {wanted}, key=lambda own: (own.port, own.variable)):
         turned = solved(law, (other,))
-        if turned is not None and depends_on(turned[0], Symbol(wanted)) and _is_regular(turned[0]):
+        if turned is not None and depends_on(turned[0], Symbol(wanted)) and _is_better(turned[0], has_gaps):
             return turned[0] - Symbol(other)
     return None
 
 
-def _is_regular(x: Expression) -> bool:
-    return is_total(x, _is_own) and not is_steep(x, _is_own)
+def _is_better(turned: Expression, than_gaps: bool) -> bool:
+    """Return True if a form is defined everywhere; in place of one that is steep it has slopes, and divides by nothing that may be zero: an opening."""
+    if than_gaps:
+        return is_total(turned, _is_own)
+    return is_total(turned, lambda symbol: True) and not is_steep(turned, _is_own)
 
 
 def _is_own(symbol: Symbol) -> bool:
