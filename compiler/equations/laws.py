@@ -57,10 +57,10 @@ def paired(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...]
 
 @lru_cache(maxsize=4096)
 def total_residual(law: Law, wanted: PortVariable) -> Expression | None:
-    """Residual of a law that is defined and has slopes everywhere, for a law whose solution for the wanted variable is or has not.
+    """Residual of a law that is defined and has slopes everywhere, for a law whose solution for the wanted variable has gaps or an infinite slope.
 
-    None if the solution itself is so, or no form of the law is. A diode's voltage is a logarithm that ends at its saturation current; its
-    current is defined for every voltage, and the author may have written either form. A cube root has no slope at zero, where a cube has.
+    None if the solution itself is regular, or no form of the law is. A diode's voltage is a logarithm that ends at its saturation current; its
+    current is defined for every voltage, and the author may have written either form. A cube root is steep at zero, the cube is not.
     """
     found = solved(law, (wanted,))
     if found is None or law.energy is not None:
