@@ -15,7 +15,7 @@ from .differentiate import Differentiator
 from .errors import NothingToCompute, SingularLoop
 from .opened import opened_laws
 from .order import blocks, needed, tear
-from .round_trips import Sums, without_round_trips
+from .round_trips import Sums, has_constant, without_constants, without_round_trips
 from .state_space import Dependent, Entry, Forced, LinearLoop, OpenedLaw, StateSpace, Step, TearingVariable
 
 
@@ -227,7 +227,29 @@ class _Reduction:
             self.laws += laws
             cut = list(dict.fromkeys([*cut, *(v for law in laws for v in (law.argument, law.value))]))
             order = [v for v in order if v not in set(cut)]
+        else:
+            cut, order = self._with_laws_computed(cut, order, inputs)
         return self._nonlinear(cut, order, members)
+
+    def _with_laws_computed(
+        self, cut: list[int], order: list[int], inputs: Sequence[Sequence[int]]
+    ) -> tuple[list[int], list[int]]:  # fmt: skip
+        """Take laws with a constant out of the cut where the rest can be computed in order without, if then constants cancel: as unknowns they round to it."""
+        members, fewer, longer = {*cut, *order}, cut, order
+        for v in cut:
+            if self.assigned[v].implicit or not has_constant(self.assigned[v].expression, members):
+                continue
+            inner = {*longer, v}
+            found = blocks([*longer, v], [[i for i in read if i in inner] for read in inputs])
+            if all(len(block) == 1 and block[0] not in inputs[block[0]] for block in found):
+                fewer, longer = [c for c in fewer if c != v], [block[0] for block in found]
+        opened = Sums({v: self.assigned[v].expression for v in longer}, members)
+        cancels = any(without_constants(self._residual(v), opened) is not None for v in fewer)
+        return (fewer, longer) if cancels else (cut, order)
+
+    def _residual(self, variable: int) -> Expression:
+        assignment = self.assigned[variable]
+        return assignment.expression if assignment.implicit else assignment.expression - Symbol(variable)
 
     def _made_total(self, block: list[int]) -> list[int]:
         """Use the implicit form, which is defined everywhere, for members of a loop whose formula is not: an iteration may lead anywhere."""
@@ -246,14 +268,15 @@ class _Reduction:
             if self.assigned[v].implicit and v not in read:
                 self.diagnostics.append(SingularLoop(self.assigned[v].span, f"`{self.variables[v].name}`"))
         inner: list[Step] = [self.assigned[v] for v in order]
-        sums = Sums({v: self.assigned[v].expression for v in order})
+        expressions: dict[object, Expression] = {v: self.assigned[v].expression for v in order}
+        sums, opened = Sums(expressions), Sums(expressions, {*cut, *order})
         loop = self.unknowns[-1].loop + 1 if self.unknowns else 0
         for variable in cut:
             assignment = self.assigned[variable]
             old = self.variables[variable]
             self.variables[variable] = Variable(old.name, "unknown", old.unit, assignment.guess)
-            residual = assignment.expression if assignment.implicit else assignment.expression - Symbol(variable)
-            bound = bind(without_round_trips(residual, sums))
+            residual = self._residual(variable)
+            bound = bind(without_constants(residual, opened) or without_round_trips(residual, sums))
             number = len(self.variables)
             self.variables.append(Variable(f"residual of {old.name}", "computed"))
             self.pieced |= {number} if variable in self.pieced else set()

@@ -2,13 +2,16 @@
 
 Without this they are subtracted as numbers. The remainder is the rounding of a current that may be 1e10 times as large as those that
 determine the node (a diode that blocks beside a capacitor and its load), and no iteration converges.
+
+So are constants of laws, I exp(u/U) - I, which in the sum of several currents cancel: the rest alone tells how diodes that block share a voltage, and it is
+below the rounding of I.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
-from ..algebra.expression import Apply, Expression, Number, Symbol, add, multiply
+from ..algebra.expression import Apply, Expression, Number, Symbol, add, multiply, symbols
 
 ROUNDING = 5e-15  # of coefficients that are products of numbers
 LARGEST = 64  # terms of an opened sum
@@ -17,10 +20,10 @@ Terms = dict[Expression, float]
 
 
 class Sums:
-    """Computed members of a loop, opened on demand if they are sums with numbers as coefficients."""
+    """Computed members of a loop, opened on demand if they are sums with numbers as coefficients; `members`: all of it, if laws are opened, too."""
 
-    def __init__(self, expressions: Mapping[object, Expression]) -> None:
-        self.expressions = expressions
+    def __init__(self, expressions: Mapping[object, Expression], members: Collection[object] = ()) -> None:
+        self.expressions, self.members = expressions, members
         self.opened: dict[object, Terms | None] = {}
 
     def terms(self, variable: object) -> Terms | None:
@@ -28,7 +31,7 @@ class Sums:
         if variable not in self.opened:
             self.opened[variable] = None
             expression = self.expressions.get(variable)
-            if expression is not None and _is_sum(expression):
+            if expression is not None and (_is_sum(expression) or has_constant(expression, self.members)):
                 self.opened[variable] = _bounded(self.open(expression)[0])
         return self.opened[variable]
 
@@ -54,8 +57,32 @@ def without_round_trips(residual: Expression, sums: Sums) -> Expression:
     return add(*(multiply(Number(value), part) for part, value in terms.items())) if cancelled and terms else residual
 
 
+def without_constants(residual: Expression, sums: Sums) -> Expression | None:
+    """The residual with its laws opened, if nothing that is given beside the loop is left of it; else None."""
+    terms, cancelled = sums.open(residual)
+    if not cancelled or any(_is_given(part, sums.members) for part in terms):
+        return None
+    return add(*(multiply(Number(value), part) for part, value in terms.items()))
+
+
+def has_constant(x: Expression, members: Collection[object]) -> bool:
+    """Return True for a sum of something given and something that is not linear in the members."""
+    parts = [_scaled(term)[1] for term in _added(x)]
+    rest = [part for part in parts if not _is_given(part, members)]
+    return len(rest) < len(parts) and any(not isinstance(part, Symbol) for part in rest)
+
+
+def _is_given(x: Expression, members: Collection[object]) -> bool:
+    return all(s.key not in members for s in symbols(x))
+
+
 def _added(x: Expression) -> tuple[Expression, ...]:
-    """Terms of a sum; for any other expression, the expression alone."""
+    """Terms of a sum, or of its product with a number or variable; for any other expression, the expression alone."""
+    match x:
+        case Apply(
+            operator="multiply", operands=(Number() | Symbol() as factor, Apply(operator="add", operands=terms))
+        ):
+            return tuple(multiply(factor, term) for term in terms)
     return x.operands if isinstance(x, Apply) and x.operator == "add" else (x,)
 
 

@@ -281,7 +281,7 @@ class LoopSolver:
     def _full(self, state: Array, unknowns: Array) -> Any:
         if unknowns.ndim == 1:  # most calls are for one point
             return np.concatenate([state[: self.count], unknowns])
-        known = np.broadcast_to(state[: self.count], (*unknowns.shape[:-1], self.count))
+        known = np.broadcast_to(state[..., : self.count], (*unknowns.shape[:-1], self.count))
         return np.concatenate([known, unknowns], axis=-1)
 
     def newton(self, time: float, state: Array, mode: Array, guess: Array, places: IntArray | slice = slice(None)) -> Any:  # fmt: skip

@@ -43,6 +43,10 @@ def phase_doubts(solution: PhaseSolution, rtol: float) -> tuple[ToleranceDoubt, 
             f"rtol = {rtol * trajectory.rounded:.1g} is about the tightest that can be held"
         )
         doubts.append(ToleranceDoubt(float(solution.instants[0]), "", "tolerance below rounding", text, (), ""))
+    if solution.constraints.program.unknowns.names:
+        from .open_loops import doubts_on_open_loops
+
+        doubts += doubts_on_open_loops(solution)
     if solution.constraints and len(trajectory.states):
         from ..constraints.singular import doubts_of
 
