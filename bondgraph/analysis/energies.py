@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Element, MechanismNode, letters, write_text
+from compiler.api import DOMAINS, Array, Element, MechanismNode, letters, write_text
 
 from ..compiled_model import CompiledModel, source_of
 from ..errors import UsageError
@@ -74,10 +74,10 @@ def energies(
     wanted = {
         n.name: n
         for n in graph.nodes
-        if isinstance(n, Element) and n.kind.value in letters("source", "storage", "loss")
+        if isinstance(n, Element) and n.kind.value in letters("source", "storage", "loss") and _power(n)
     }
     names = {name: f"work_of_element_{i}" for i, name in enumerate(wanted)}
-    powered = CompiledModel(flat, extra_outputs={names[n]: f"integral({_power(e)}, 0 J)" for n, e in wanted.items()})
+    powered = CompiledModel(flat, extra_outputs={names[n]: f"integral({_power(e)}, 0)" for n, e in wanted.items()})
     start, stop = plan.start, plan.stop if to is None else to
     assert stop is not None
     if start or plan.equilibrium:
@@ -93,8 +93,9 @@ def energies(
 
 
 def _power(element: Element) -> str:
-    """Return the power along the arrows of its ports, as text of the language."""
-    dotted = [f"{element.name}." if len(element.ports) == 1 else f"{element.name}.{p.name}." for p in element.ports]
+    """Return the power along the arrows of its ports where effort times flow is one, as text of the language."""
+    several, balanced = len(element.ports) > 1, (p for p in element.ports if DOMAINS[p.domain].is_balanced)
+    dotted = [f"{element.name}.{p.name}." if several else f"{element.name}." for p in balanced]
     return " + ".join(f"{d}e*{d}f" for d in dotted)
 
 

@@ -41,12 +41,16 @@ class Extremum:
 
 def extrema(
     evaluate: Evaluate, poles: ComplexArray, undamped: BoolArray, low: float, high: float, given: tuple[str, ...], seen: tuple[str, ...]
-) -> tuple[Extremum, ...]:  # fmt: skip
-    """Return the extrema of all pairs of input and output, rising. `undamped` (n,): mask of the `poles` (n,), in 1/s, on the imaginary axis."""
+) -> tuple[tuple[Extremum, ...], Array, ComplexArray]:  # fmt: skip
+    """Return the extrema of all pairs of input and output, rising, and the frequencies (f,) searched with the response (f, m, k) there.
+
+    `undamped` (n,): mask of the `poles` (n,), in 1/s, on the imaginary axis.
+    """
     infinite = np.unique(np.abs(poles[undamped].imag) / (2 * np.pi)) if len(poles) else np.zeros(0)
     infinite = infinite[(infinite >= low) & (infinite <= high)]
     frequencies = _about(poles, infinite, low, high)
-    size = np.abs(evaluate(frequencies))
+    values = evaluate(frequencies)
+    size = np.abs(values)
     peaks: list[Extremum] = []
     brackets = []
     for i in range(len(seen)):
@@ -62,7 +66,8 @@ def extrema(
         magnitude = abs(value) if sign > 0 or abs(value) > NOTHING * beside else 0.0
         kind = "peak" if sign > 0 else "dip"
         peaks.append(Extremum(given[j], seen[i], kind, float(at), float(magnitude), float(np.degrees(np.angle(value)))))
-    return tuple(sorted(peaks, key=lambda e: (given.index(e.given), seen.index(e.seen), e.frequency)))
+    found = tuple(sorted(peaks, key=lambda e: (given.index(e.given), seen.index(e.seen), e.frequency)))
+    return found, frequencies, values
 
 
 def _about(poles: ComplexArray, infinite: Array, low: float, high: float) -> Any:

@@ -25,6 +25,7 @@ MOST_POINTS = 1_000_000
 LOWEST, HIGHEST = 1e-150, 1e150  # Hz: within them squares are finite
 BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # in widths of a resonance
 BEYOND = 1e-9  # relative distance from an undamped resonance within which there are no values
+NO_VALUES = np.zeros((0, 0, 0))
 LEFT = 1e-7  # of a transient, relative to the steady motion, when it has settled
 AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
@@ -33,8 +34,8 @@ AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 class Response(OfModel, Summarised, Plotted):
     """Response `values` (f, m, k) at `frequencies` (f,) in Hz, from `inputs` (k) to `outputs` (m), in SI units of the output over those of the input.
 
-    `extrema`: peaks and dips between the first and last frequency, computed from the poles and independent of the frequencies; an undamped one has an
-    infinite magnitude. `notes`: remarks for the user.
+    `phase` (f, m, k): in degrees, without jumps by whole turns, however few the frequencies are. `extrema`: peaks and dips between the first and last
+    frequency, computed from the poles and independent of the frequencies; an undamped one has an infinite magnitude. `notes`: remarks for the user.
     """
 
     inputs: tuple[str, ...]
@@ -42,6 +43,7 @@ class Response(OfModel, Summarised, Plotted):
     units: Mapping[str, str]
     frequencies: Array
     values: ComplexArray
+    phase: Array
     extrema: tuple[Extremum, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -58,11 +60,6 @@ class Response(OfModel, Summarised, Plotted):
     def magnitude(self) -> Array:
         """Magnitude (f, m, k)."""
         return np.abs(self.values)
-
-    @property
-    def phase(self) -> Array:
-        """Phase (f, m, k) in degrees, without jumps by whole turns."""
-        return np.asarray(np.degrees(np.unwrap(np.angle(self.values), axis=0)))
 
     def extrema_of(self, given: str, seen: str) -> list[Extremum]:
         """Return peaks and dips from an input to an output, rising."""
@@ -117,20 +114,35 @@ def response(linear: Linearization, low: float | None, high: float | None, point
     undamped = (np.abs(found.values.real) <= found.bounds) & (np.abs(found.values.imag) > found.bounds)
     notes = tuple(filter(None, (linear.note,)))
     return with_extrema(
-        Response(linear.model, linear.experiment, linear.inputs, linear.outputs, linear.units, frequencies, np.zeros((0, 0, 0), dtype=complex), notes=notes),
+        Response(linear.model, linear.experiment, linear.inputs, linear.outputs, linear.units, frequencies, NO_VALUES.astype(complex), NO_VALUES, notes=notes),
         lambda f: transfer(linear, 2j * np.pi * f), found.values, undamped,
     )  # fmt: skip
 
 
 def with_extrema(made: Response, evaluate: Evaluate, poles: ComplexArray, undamped: BoolArray) -> Response:
-    """Return the response with values, peaks and dips; its frequencies include the finite extrema and no infinite one."""
+    """Return the response with values, peaks and dips; its frequencies include the finite extrema and no infinite one.
+
+    Phases are followed over all frequencies at which extrema were searched, too: between a few they turn by more than a half.
+    """
     frequencies = made.frequencies
-    found = extrema(evaluate, poles, undamped, float(frequencies[0]), float(frequencies[-1]), made.inputs, made.outputs)
+    low, high = float(frequencies[0]), float(frequencies[-1])
+    found, searched, beside = extrema(evaluate, poles, undamped, low, high, made.inputs, made.outputs)
     infinite = np.array([e.frequency for e in found if math.isinf(e.magnitude)])
     frequencies = np.unique([*frequencies, *(e.frequency for e in found if not math.isinf(e.magnitude))])
     if len(infinite):
         frequencies = frequencies[np.abs(frequencies[:, None] / infinite - 1).min(axis=1) > BEYOND]
-    return replace(made, frequencies=frequencies, values=evaluate(frequencies), extrema=found)
+    values = evaluate(frequencies)
+    order = np.argsort(np.concatenate([frequencies, searched]), kind="stable")
+    followed = np.unwrap(np.angle(np.concatenate([values, beside])[order]), axis=0)
+    phase = np.degrees(followed[np.argsort(order)[: len(frequencies)]])
+    rows = np.searchsorted(frequencies, [e.frequency for e in found])
+    found = tuple(
+        e
+        if math.isinf(e.magnitude)
+        else replace(e, phase=float(phase[k, made.outputs.index(e.seen), made.inputs.index(e.given)]))
+        for e, k in zip(found, rows, strict=True)
+    )
+    return replace(made, frequencies=frequencies, values=values, phase=phase, extrema=found)
 
 
 def transfer(linear: Linearization, places: Any) -> Any:

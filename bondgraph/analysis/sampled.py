@@ -22,7 +22,7 @@ from .eigenvalues import EPS
 from .linear import Linearization, linear_units
 from .operating_point import Lookup, OperatingPoint, reduction
 from .reduced import Reduced
-from .response import POINTS, Response, frequencies_between, transfer, with_extrema
+from .response import NO_VALUES, POINTS, Response, frequencies_between, transfer, with_extrema
 from .sensitivity import unit_directions
 from .singular_slopes import jumps
 from .verdict import Verdict
@@ -207,7 +207,7 @@ def sampled_response(point: OperatingPoint, low: float | None, high: float | Non
     )
     notes = tuple(filter(None, (note, linear.note)))
     made = Response(
-        linear.model, linear.experiment, point.by, linear.outputs, linear.units, frequencies, np.zeros((0, 0, 0), dtype=complex), notes=notes
+        linear.model, linear.experiment, point.by, linear.outputs, linear.units, frequencies, NO_VALUES.astype(complex), NO_VALUES, notes=notes
     )  # fmt: skip
     undamped = np.abs(poles.real) * loop.period <= ERROR * EPS * len(loop.matrix)
     return with_extrema(made, lambda f: _at(loop, f), poles, undamped & (poles.imag != 0))

@@ -71,9 +71,12 @@ def quantity_line(name: DeclaredName, survey: FileSurvey, home: str, reading: st
             return ""
         values = [number(q.value) if q.value is not None else "…" for q in items]
         return f"({', '.join(values)}) {items[0].unit}"
-    if named.value is None:
-        return f"in {named.unit}" if named.unit != "1" else "a bare number"
-    return in_author_unit(named.value, named.unit, author_unit(name.node))
+    written = author_unit(name.node)
+    if named.value is not None:
+        return in_author_unit(named.value, named.unit, written)
+    if written is not None and scale(written) is not None:
+        return f"in {written.span.words}"
+    return f"in {named.unit}" if named.unit != "1" else "a bare number"
 
 
 def domain_line(domain: Domain, variables: str) -> str:

@@ -11,6 +11,7 @@ from ..algebra.formula import Bound, Formula, bind, leaf, over
 from ..algebra.invert import obstacle
 from ..causality import CausalGraph
 from ..errors import CompilationFailed
+from ..graph.domains import DOMAINS
 from ..graph.elements import STORAGES, TRANSDUCERS, Kind
 from ..graph.mechanism import domain_of
 from ..graph.network import BondEnd, Element, Junction, Law, MechanismNode, PortVariable, Quantity, Reading
@@ -142,9 +143,12 @@ class _Nodes:
     def _element(self, number: int, node: Element) -> None:
         bonds = [self.bond_of[BondEnd(number, p)] for p in range(len(node.ports))]
         delayed = any(isinstance(a, Quantity) and a.name in self.graph.delays for a in node.arguments)
-        for bond in bonds:
-            sign = 1 if self.graph.bonds[bond].head.node == number else -1
-            port = PowerPort(node.name, node.kind.value, self.efforts[bond], self.flows[bond], sign, delayed)
+        for bond, own_port in zip(bonds, node.ports, strict=True):
+            sign, balanced = (
+                1 if self.graph.bonds[bond].head.node == number else -1,
+                DOMAINS[own_port.domain].is_balanced,
+            )
+            port = PowerPort(node.name, node.kind.value, self.efforts[bond], self.flows[bond], sign, delayed, balanced)
             self.to.ports.append(port)
         if node.kind in STORAGES:
             self._storage(number, node, bonds)

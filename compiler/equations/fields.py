@@ -57,8 +57,7 @@ def _by_equations(element: Element) -> bool:
 
 def _has_power(element: Element) -> bool:
     """Return True if effort times flow is a power at all ports, as in a plain model; of heat times temperature no sign says anything."""
-    domains = [DOMAINS[p.domain] for p in element.ports]
-    return all(d.has_power or not d.typed for d in domains)
+    return all(DOMAINS[p.domain].is_balanced for p in element.ports)
 
 
 def _sides(stored: tuple[str, ...]) -> tuple[tuple[PortVariable, ...], tuple[PortVariable, ...]]:

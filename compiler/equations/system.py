@@ -155,7 +155,7 @@ class Momentum:
 
 @dataclass(frozen=True, slots=True)
 class PowerPort:
-    """Bond of an element's port: power into the element = sign * effort * flow."""
+    """Bond of an element's port: power into the element = sign * effort * flow, if that `is_balanced`, as it is not of temperature and heat."""
 
     element: str
     kind: str
@@ -163,6 +163,7 @@ class PowerPort:
     flow: int
     sign: int
     delayed: bool = False  # True if its law reads what was: what it takes is on its way
+    is_balanced: bool = True
 
     @property
     def group(self) -> str:

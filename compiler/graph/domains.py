@@ -27,6 +27,11 @@ class Domain:
         """True if effort times flow is a power."""
         return self.typed and self.effort * self.flow == WATT
 
+    @property
+    def is_balanced(self) -> bool:
+        """True if an energy balance counts effort times flow: a power, or a bare number of a plain model."""
+        return self.has_power or not self.typed
+
     def dimension(self, variable: str) -> Dimension:
         """Dimension of `e`, `f`, `q` or `p`."""
         if not self.typed:

@@ -39,7 +39,9 @@ def _unit(item: tree.Item | tree.SweepSyntax | None, unit: str) -> tuple[str, Sc
     own = read_unit(Source("unit", unit))
     if item is not None:
         text = item.span.words if item.unit is None else f"1 [{item.unit.span.words}]"
+        value = getattr(item, "value", None)
+        reckoned = item.unit is None and not isinstance(value, tree.Literal | tree.Negative | None)
         for _, words, scale in quantities_in(text):
-            if scale.dimension == own.dimension:
+            if scale.dimension == own.dimension and not (reckoned and scale.offset):  # 30 degC - 20 degC are 10 K
                 return words, scale
     return "" if unit == "1" else unit, own

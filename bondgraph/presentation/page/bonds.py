@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from compiler.api import BondGraph, Element, GraphNode, Junction, Kind, MechanismNode
+from compiler.api import DOMAINS, BondGraph, Element, GraphNode, Junction, Kind, MechanismNode
 
 MOST = 400  # most bonds: a page would carry more numbers than a reader uses
 EFFORT, FLOW = "e", "f"
@@ -136,8 +136,12 @@ def _name(node: GraphNode, port: int, variable: str) -> str:
 
 
 def powers(graph: BondGraph) -> Iterator[tuple[str, str, tuple[tuple[int, float], ...]]]:
-    """Yield the power received by each element and mechanism: name, letter, and its bonds with 1 if they bring power and -1 if they remove it."""
+    """Yield the power received by each element and mechanism: name, letter, and its bonds with 1 if they bring power and -1 if they remove it.
+
+    Bonds whose effort times flow is no power are left out.
+    """
     for number, node in enumerate(graph.nodes):
         if not isinstance(node, Junction):
-            around = tuple((b, 1.0 if graph.bonds[b].head.node == number else -1.0) for b in graph.incident[number])
+            balanced = (b for b in graph.incident[number] if DOMAINS[graph.bonds[b].domain].is_balanced)
+            around = tuple((b, 1.0 if graph.bonds[b].head.node == number else -1.0) for b in balanced)
             yield node.name, str(node.kind.value), around

@@ -54,14 +54,16 @@ def picture_of(compilation: Compilation, sources: Sequence[Source]) -> Picture:
 
 
 def _bond(graph: BondGraph, bond: int) -> dict[str, Any]:
-    """Return the name of a bond, and the units of its effort and flow."""
+    """Return the name of a bond, and the letters and units of its effort, its flow and their product."""
     ends = graph.bonds[bond]
     domain = DOMAINS.get(ends.domain)
     words = " → ".join(end_name(graph, end) for end in (ends.tail, ends.head))
-    effort, flow = (("e", ""), ("f", ""))
+    effort, flow, power = (("e", ""), ("f", ""), ("power", ""))
     if domain is not None:
         effort, flow = ((domain.letter(v), _unit(domain.dimension(v))) for v in ("e", "f"))
-    return {"name": visible(words), "domain": visible(ends.domain), "effort": effort, "flow": flow}
+        product = _unit(domain.dimension("e") * domain.dimension("f"))
+        power = ("power" if domain.is_balanced else f"{effort[0]}*{flow[0]}", product)
+    return {"name": visible(words), "domain": visible(ends.domain), "effort": effort, "flow": flow, "power": power}
 
 
 def _unit(dimension: object) -> str:

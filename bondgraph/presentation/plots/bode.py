@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..text.tables import short, visible
+from ..text.tables import labelled
 from .sheet import curve_style, legend, picture, stack, tell_omitted
 
 if TYPE_CHECKING:
@@ -28,10 +28,11 @@ def plot_response(found: Response) -> Figure:
         for j in range(len(found.inputs)):
             above.loglog(found.frequencies, found.magnitude[:, i, j], **curve_style(j))
             below.semilogx(found.frequencies, phase[:, i, j], **curve_style(j))
-        unit = found.unit(found.inputs[0], output)
-        above.set_ylabel(f"{short(output, 30)} [{visible(unit)}]", parse_math=False)
+        units = {name: found.unit(name, output) for name in found.inputs}
+        shared = units[found.inputs[0]] if len(set(units.values())) == 1 else "1"  # else each is told beside its input
+        above.set_ylabel(labelled(output, shared), parse_math=False)
         below.set_ylabel("phase [deg]")
-        legend(above, (f"from {name}" for name in found.inputs), longest=40)
+        legend(above, (labelled(f"from {n}", "1" if u == shared else u, 40) for n, u in units.items()), longest=60)
     panels[-1].set_xlabel("frequency [Hz]")
     panels[-1].set_xlim(found.frequencies[0], found.frequencies[-1])
     if found.frequencies[-1] < NARROW * found.frequencies[0]:

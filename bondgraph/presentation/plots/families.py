@@ -30,7 +30,7 @@ COLOUR, COLOUR_MAP = "#0b5394", "viridis"  # in the order of the runs; even in g
 def plot_ensemble(found: Ensemble) -> Figure:
     """Return a panel for each output with all runs that have a result. Raises `RunFailed` if none has."""
     numbered = [(number, run) for number, run in enumerate(found) if not isinstance(run, Exception)]
-    labels = [_settings(found.settings[number], {}) for number, _ in numbered]
+    labels = [settings_text(found.settings[number], {}) for number, _ in numbered]
     return _family([run for _, run in numbered], labels)
 
 
@@ -40,13 +40,13 @@ def plot_curves(found: Outcome) -> Figure:
     points = [(p.settings, p.run) for p in found.points if p.run is not None]
     if not points and not found.failures:
         raise UsageError("BR943", "there are no curves: nothing is simulated at the points", "ask for `simulate`")
-    return _family([run for _, run in points], [_settings(settings, found.swept) for settings, _ in points])
+    return _family([run for _, run in points], [settings_text(settings, found.swept) for settings, _ in points])
 
 
-def _settings(settings: Mapping[str, str | float], units: Mapping[str, str]) -> str:
+def settings_text(settings: Mapping[str, str | float], units: Mapping[str, str]) -> str:
     """Return `R = 10 ohm, C = 1e-06 F`, in SI where they are numbers."""
     shown = {
-        n: v if isinstance(v, str) else f"{v:.4g} {visible(units.get(n, '1'))}".removesuffix(" 1")
+        n: v if isinstance(v, str) else f"{v:.7g} {visible(units.get(n, '1'))}".removesuffix(" 1")
         for n, v in settings.items()
     }
     return ", ".join(f"{short(n, 16)} = {value}" for n, value in shown.items())

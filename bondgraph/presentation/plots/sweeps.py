@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import UsageError
-from ..text.tables import labelled, short, visible
+from ..text.tables import labelled
+from .families import settings_text
 from .sheet import PANELS, StrPath, check_picture, curve_style, legend, picture, sheet, stack
 
 if TYPE_CHECKING:
@@ -44,15 +45,15 @@ def _plot_swept(found: Outcome) -> Figure:
     for i, point in enumerate(found.points):
         groups.setdefault(tuple(point.settings[n] for n in others), []).append(i)
     for panel, name in zip(panels, names, strict=False):
-        unit, scale, offset = found.shown.get(name, ("", 1.0, 0.0))
+        unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
         column, along = found(name) * scale + offset, found(last)
         for k, rows in enumerate(groups.values()):
             order = np.array(rows)[np.argsort(along[rows], kind="stable")]
             panel.plot(along[order], column[order], marker="o", markersize=3, **curve_style(k))
-        panel.set_ylabel(f"{short(name, 24)}{f' [{visible(unit)}]' if unit else ''}", parse_math=False)
+        panel.set_ylabel(labelled(name, unit, 24), parse_math=False)
     panels[-1].set_xlabel(labelled(last, found.swept[last], 40), parse_math=False)
     if others:
-        settings = (", ".join(f"{short(n, 16)} = {v:.4g}" for n, v in zip(others, key, strict=True)) for key in groups)
+        settings = (settings_text(dict(zip(others, key, strict=True)), found.swept) for key in groups)
         legend(panels[0], settings, longest=1000, fontsize=7)
     return figure
 

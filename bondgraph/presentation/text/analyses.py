@@ -10,7 +10,7 @@ import numpy as np
 
 from compiler.api import Array
 
-from .tables import aligned, short, shown_unit, visible
+from .tables import aligned, digits_of_time, short, shown_unit, visible
 
 if TYPE_CHECKING:
     from ...analysis.branch import Branch
@@ -53,7 +53,7 @@ def equilibrium_text(found: Equilibrium) -> str:
             number = value if as_said is None else value * as_said.scale + as_said.offset
             rows.append((f"  {short(name)}", f"{number:.9g}", shown_unit(unit)))
     turning = [f"`{short(n)}` turns steadily, by {rate:.9g} 1/s" for n, rate in found.steady.items()]
-    parts = [title(found.model, found.experiment, f"at rest at t = {found.time:.6g} s"), aligned(rows, "<><")]
+    parts = [title(found.model, found.experiment, f"at rest at t = {found.time:.9g} s"), aligned(rows, "<><")]
     notes = [f"note: {visible(found.note)}"] if found.note else []
     return "\n\n".join([*parts, *turning, stability_text(found.verdict), *notes])
 
@@ -82,7 +82,7 @@ def _eigenvalue(value: complex) -> str:
 
 def linearization_text(found: Linearization) -> str:
     """Return the matrices with the names of rows and columns."""
-    head = title(found.model, found.experiment, f"linear at t = {found.time:.6g} s")
+    head = title(found.model, found.experiment, f"linear at t = {found.time:.9g} s")
     parts = [head]
     for name, matrix, rows, columns in (
         ("A", found.A, found.states, found.states), ("B", found.B, found.states, found.inputs),
@@ -115,7 +115,7 @@ def modes_text(found: Modes) -> str:
     ]
     note = f"\n\nnote: {visible(found.note)}" if found.note else ""
     return (
-        f"{title(found.model, found.experiment, f'modes at t = {found.time:.6g} s')}\n\n{aligned(rows, '>>><')}{note}"
+        f"{title(found.model, found.experiment, f'modes at t = {found.time:.9g} s')}\n\n{aligned(rows, '>>><')}{note}"
     )
 
 
@@ -274,7 +274,7 @@ def feed_forward_text(found: FeedForward) -> str:
         ("s", *(shown_unit(found.units.get(n, "1")) for n in columns)),
     ]
     for i in np.unique(np.linspace(0, len(found.time) - 1, INSTANTS).astype(int)):
-        rows.append((f"{found.time[i]:.6g}", *(f"{v[i]:.6g}" for v in columns.values())))
+        rows.append((f"{found.time[i]:.{digits_of_time(found.time, 6)}g}", *(f"{v[i]:.6g}" for v in columns.values())))
     head = title(found.model, found.experiment, f"inverted along a path, {len(found.time)} points")
     orders = ", ".join(f"{visible(n)} {d}" for n, d in found.degrees.items())
     told = [f"derivatives taken: {orders}", *(visible(n) for n in found.notes)]

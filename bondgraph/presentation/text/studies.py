@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .analyses import title
-from .tables import aligned, short, visible
+from .tables import aligned, digits_of_time, short, visible
 
 if TYPE_CHECKING:
     from ...analysis.run_sensitivity import RunSensitivity
@@ -32,7 +32,12 @@ def comparison_text(comparison: CurveComparison) -> str:
     for d in comparison.differences:
         scale, unit = shown[d.output].scale, shown[d.output].unit
         share = f"{d.largest / d.magnitude:.2g}" if d.magnitude else ""
-        numbers = f"{d.largest * scale:.6g}", f"{d.at:.4g}", share, f"{d.root_mean_square * scale:.6g}"
+        numbers = (
+            f"{d.largest * scale:.6g}",
+            f"{d.at:.{digits_of_time(comparison.run.time)}g}",
+            share,
+            f"{d.root_mean_square * scale:.6g}",
+        )
         rows.append((short(d.output), short(d.other), *numbers, "" if unit == "1" else visible(unit)))
     if len(rows) == 1:
         return "no instant of the others lies within the run"
@@ -144,7 +149,11 @@ def run_sensitivity_text(found: RunSensitivity) -> str:
             column = found.slopes[:, i, j]
             unit = f"[{visible(found.units[name])}]/[{visible(found.units[parameter])}]"
             share, peak = 0.01 * found.at[j], int(np.argmax(np.abs(column)))
-            moved = (f"{share * column[-1]:.4g}", f"{share * column[peak]:.4g}", f"{found.time[peak]:.4g} s")
+            moved = (
+                f"{share * column[-1]:.4g}",
+                f"{share * column[peak]:.4g}",
+                f"{found.time[peak]:.{digits_of_time(found.time)}g} s",
+            )
             rows.append((short(name), short(parameter), f"{column[-1]:.7g}", unit, *moved))
     return f"{title(found.model, found.experiment, 'sensitivity of a run')}\n\n{aligned(rows, '<<><>>>')}"
 

@@ -28,6 +28,12 @@ def time_unit(largest: float) -> tuple[str, float]:
     return TIME_UNITS[0] if not largest else TIME_UNITS[-1]
 
 
+def digits_of_time(time: Array, digits: int = 4) -> int:
+    """Return the digits for an instant of a run, so that it shows `digits` of them within the run: far from zero the first ones are the same."""
+    length = float(time[-1] - time[0]) if len(time) else 0.0
+    return digits + max(0, math.floor(math.log10(max(abs(time[0]), abs(time[-1])) / length))) if length > 0 else digits
+
+
 def visible(text: str) -> str:
     """Return the text with control and bidirectional characters spelt out, so that a name cannot change a terminal or a plot."""
     return "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text)
@@ -113,7 +119,8 @@ def extremes_shown(result: Result, item: Reported) -> tuple[str, ...]:
     """Return the cells under `EXTREMES` of an output, in its unit."""
     ends = result.extremes(item.name)
     low, high = (value * item.scale + item.offset for value in (ends.minimum, ends.maximum))
-    return f"{low:.6g}", f"{ends.minimum_at:.4g}", f"{high:.6g}", f"{ends.maximum_at:.4g}"
+    digits = digits_of_time(result.time)
+    return f"{low:.6g}", f"{ends.minimum_at:.{digits}g}", f"{high:.6g}", f"{ends.maximum_at:.{digits}g}"
 
 
 def _check(check: RunCheck) -> str:
@@ -165,7 +172,8 @@ def _span(result: Result) -> str:
     first, last = float(result.time[0]), float(result.time[-1])
     unit, factor = time_unit(max(abs(first), abs(last)))
     count = "1 instant" if len(result.time) == 1 else f"{len(result.time)} instants"
-    return f"{first * factor:.6g} .. {last * factor:.6g} {unit}, {count}"
+    digits = digits_of_time(result.time, 6)
+    return f"{first * factor:.{digits}g} .. {last * factor:.{digits}g} {unit}, {count}"
 
 
 def _work(result: Result) -> str:

@@ -40,6 +40,8 @@ def energy_balance(
     elements: list[ElementEnergy] = []
     by_element: dict[str, tuple[str, float]] = {}
     for port, joules in zip(space.ports, work[: len(space.ports)], strict=True):
+        if not port.is_balanced:
+            continue
         # the law of an end of a line adds what was at its other end: its bond takes what is on its way
         own = DELAY if port.delayed and port.kind in letters("loss") else port.kind
         kind, total = by_element.get(port.element, (own, 0.0))
@@ -64,7 +66,7 @@ def energy_balance(
         residual = brought - change + jumped.get(storage.element, 0.0)
         elements.append(ElementEnergy(storage.element, storage.kind, change, 0.0, 0.0, residual))
     for name, (kind, joules) in by_element.items():  # storages in derivative form: their work is their stored energy
-        if kind in letters("storage") and not any(s.element == name for s in space.storages):
+        if kind in letters("storage") and not any(s.element == name for s, _ in _contents(space)):
             elements.append(ElementEnergy(name, kind, joules, 0.0, 0.0))
     if jumps:
         lost = -sum(_change(space, *jump, arguments) for jump in jumps)
@@ -84,11 +86,18 @@ def energy_balance(
 
 
 def _contents(space: StateSpace) -> Iterator[tuple[Storage, slice]]:
-    """Yield each storage with the places of its content among the values of the program's `powers`."""
+    """Yield each storage that a balance counts, with the places of its content among the values of the program's `powers`."""
     stop = len(space.ports) + len(space.stored)
+    others = unbalanced(space)
     for storage in space.storages:
         start, stop = stop, stop + len(storage.stored)
-        yield storage, slice(start, stop)
+        if storage.element not in others:
+            yield storage, slice(start, stop)
+
+
+def unbalanced(space: StateSpace) -> tuple[str, ...]:
+    """Return the elements with a port at which effort times flow is no power."""
+    return tuple(dict.fromkeys(p.element for p in space.ports if not p.is_balanced))
 
 
 def _changes(space: StateSpace, before: Array, after: Array, arguments: dict[int, float]) -> Iterator[tuple[Storage, float]]:  # fmt: skip
@@ -104,7 +113,7 @@ def givers(space: StateSpace, instants: Array, powers: Array, turnover: float) -
     """
     by_element: dict[str, Any] = {}
     for column, port in enumerate(space.ports):
-        if port.kind in letters("loss") and not port.delayed:
+        if port.kind in letters("loss") and port.is_balanced and not port.delayed:
             by_element[port.element] = by_element.get(port.element, 0.0) + powers[:, column]
     span = float(instants[-1] - instants[0]) if len(instants) > 1 else 1.0
     sentences = []

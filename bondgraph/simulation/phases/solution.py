@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...quantities import listed
 from ...results.records import EnergyBalance
 from ..constraints.constraints import Constraints
 from ..monitors.validity import ValidityMonitor
@@ -115,13 +116,16 @@ def _audit(
     solution: PhaseSolution, space: StateSpace, balance: EnergyBalance, within: float, rtol: float
 ) -> tuple[str, ...]:
     """Name the laws that create energy: resistors that deliver power, storages whose work differs from their stored energy."""
-    from ..monitors.energy import givers, unexplained
+    from ..monitors.energy import givers, unbalanced, unexplained
 
     turnover = within + sum(abs(e.supplied) + abs(e.dissipated) + abs(e.stored) for e in balance.elements)
     notes, powers = unexplained(balance, turnover, rtol), solution.reported_powers()
     if powers:
         watts = np.concatenate(powers)
         notes = givers(space, solution.instants[: len(watts)], watts, turnover) + notes
+    others = unbalanced(space)
+    if others:
+        notes.append(f"effort times flow is no power at {listed(others)}: the energy balance leaves that out")
     return tuple(notes)
 
 

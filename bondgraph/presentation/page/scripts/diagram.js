@@ -137,7 +137,7 @@ class Diagram {
     const told = this.data.parts.bonds[bond], box = html("span", { class: "of-bond" }, html("b", {}, told.name), ` ${told.domain} `);
     const course = (pick) => this.along ? Float64Array.from({ length: this.along.count }, (_, i) => pick(i)) : null;
     const effort = (p) => this.value(bond, 0, p), flow = (p) => this.value(bond, 1, p);
-    const cells = [[told.effort[0], told.effort[1], effort], [told.flow[0], told.flow[1], flow], ["power", "W", (p) => effort(p) * flow(p)]].map(([letter, unit, pick]) => {
+    const cells = [[told.effort[0], told.effort[1], effort], [told.flow[0], told.flow[1], flow], [told.power[0], told.power[1], (p) => effort(p) * flow(p)]].map(([letter, unit, pick]) => {
       const value = html("output", {}), spark = sparkline(course(pick));
       box.append(html("span", { class: "reading" }, `${letter} = `, value, spark.box));
       return () => { const place = this.place ?? 0; value.textContent = this.along ? quantity(pick(place), unit) : "—"; spark.put(this.along ? place / Math.max(1, this.along.count - 1) : 0); };
