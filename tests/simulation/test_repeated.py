@@ -257,7 +257,7 @@ def called_in(run: Callable[[], object]) -> list[str]:
 @pytest.mark.parametrize(
     ("model", "parameter", "value", "same", "other"),
     [
-        ("models/published/transistor_amplifier.bg", "R", 9e3, 420, 1250), ("models/slider_crank.bg", "m", 0.8, 330, 1000),
+        ("models/published/transistor_amplifier.bg", "R", 9e3, 450, 1250), ("models/slider_crank.bg", "m", 0.8, 330, 1000),
         ("tests/acceptance/defects/elastic_ball.bg", "h", 1.0, 1150, 3300),
     ],
 )  # fmt: skip
