@@ -34,16 +34,15 @@ def marked_words(workspace: Workspace, path: Path) -> Iterator[MarkedWord]:
             named[occurrence.span.offset] = (kind, occurrence.is_definition)
         if occurrence.is_definition and occurrence.name is not None and isinstance(occurrence.name.node, tree.Item):
             words |= {word: "value" for word, _ in occurrence.name.node.choices}
-    words |= {word: kind for kind, listed in classes().items() if kind != "timing" for word in listed}
-    timing = {*classes()["timing"], "solve"}
+    words |= {w: kind for kind, listed in classes().items() if kind not in ("timing", "function") for w in listed}
+    functions = dict.fromkeys(classes()["function"], "function")  # `rotation(angle)`; without brackets it is a domain
+    timing = dict.fromkeys((*classes()["timing"], "solve"), "keyword")  # `delay(x, 1 ms)` is a signal
     for match in WORD.finditer(document.text):
         sort = match.lastgroup or ""
         kind, defined = named.get(match.start(), (_PLAIN.get(sort, ""), False))
         if not kind and sort == "name":
-            is_timing = match[0] in timing and not document.text.startswith(
-                "(", match.end()
-            )  # `delay(x, 1 ms)` is a signal
-            kind = "keyword" if is_timing else words.get(match[0], "")
+            called = document.text.startswith("(", match.end())
+            kind = (functions if called else timing).get(match[0], words.get(match[0], ""))
         if kind:
             yield MarkedWord(match.start(), match.end(), kind, defined)
 
