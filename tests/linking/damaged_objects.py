@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import random
 import struct
+from collections.abc import Callable
+
+from compiler.linking.layout import SharedLibrary
+from compiler.linking.link import link
+from compiler.linking.object_file import LinkError
 
 FIRST = """
 @weights = private constant [3 x double] [double 2.0, double 3.0, double 5.0]
@@ -77,3 +82,21 @@ def changed(good: bytes, fields: list[tuple[int, int]], chance: random.Random) -
         whole = chance.choice((0, 1, near, others, 2 * value, len(data), -1, 1 << 63, 1 << 31, chance.getrandbits(64)))
         struct.pack_into(WIDE[width], data, at, whole % (1 << 8 * width))
     return bytes(data[: chance.randrange(1, len(data))] if chance.random() < 0.02 else data)
+
+
+def link_damaged(
+    good: list[bytes], wanted: SharedLibrary, fields: list[tuple[int, int]], check: Callable[[bytes], None], seed: int
+) -> None:
+    """Link 2 200 times with the first object damaged: never another exception than a refusal, never a library that does not pass the check; where no field
+    changed what comes to memory, the library is the same. Each of these answers is given often."""
+    chance, whole = random.Random(seed), link(good, wanted)
+    answers = {"same": 0, "other": 0, "refused": 0}
+    for _ in range(2200):
+        try:
+            image = link([changed(good[0], fields, chance), *good[1:]], wanted)
+        except LinkError:
+            answers["refused"] += 1
+        else:
+            answers["same" if image == whole else "other"] += 1
+            check(image)
+    assert min(answers.values()) > 100, answers
