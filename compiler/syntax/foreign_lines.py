@@ -86,6 +86,7 @@ _ROWS = (
     (r"\b(?:Math|math|np|numpy|Modelica)\.(?P<a>\w+)\s*\(", "A function stands alone: `{a}(…)`."),
     (r"(?<![\w.])(?P<a>\d+)(?P<b>[A-Za-z_]\w*\.\w+)", "A product is written with `*`: `{a}*{b}`."),
     (r"^\s*(?P<a>[\w\[\]]+)\s*:\s*(?P<b>Se|Sf|C|I|R|TF|GY)\b\s*:?\s*(?P<c>.*)", "The kind comes first: `{b} {a} : {c}`."),
+    (r"^\s*(?P<a>\w+)\s*:\s*(?P<b>[A-Z]\w*).*", "The part comes first: `{b} {a}`; its parameters stand in braces, `{b} {a} {{ r = 10 ohm }}`."),
     (r"^\s*(?P<a>M?Se|M?Sf|C|I|R|TF|GY)\s+(?P<b>\w+)\s*=.*", "An element has a law behind a colon: `Se {b} : u = 5 V`, `I {b} : p = m*v`."),
     (rf"^\s*parameter\s+{_TYPE}\s+(?P<a>\w+)", "A parameter has a unit instead of a type: `parameter {a} = 100 [N/m]`."),
     (r"^\s*[A-Z]\w*\s+(?P<a>\w+)\s*\(\s*\w+\s*=.*", "Parameters of a part stand in braces: `Part {a} {{ r = 10 ohm }}`."),

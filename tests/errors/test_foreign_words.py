@@ -49,6 +49,7 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("Se push = 1 N", "law behind a colon", "Se push : F = 1 N; push -> body"), ("SE push : F = 1 N", "`Se`", "Se push : F = 1 N; push -> body"),
     ("1-junction j2", "`1 j2`", "1 j2; body -> j2"), ("OneJunction j2", "`1 name`", "1 j2; body -> j2"), ("zero j2 : translation", "`0 name`", "0 j2 : translation; body -> j2"),
     ("R1 1 2 10", "`R wire : u", "R wire : F = 1 [N*s/m]*v; body -> wire"), ("Resistor r { R = 10 ohm }", "import Resistor from electric", "import"), ("resistor r", "import Resistor from electric", "import"),
+    ("w : Resistor(R=1)", "`Resistor w`", ""), ("w: Resistor;", "`Resistor w`", ""),
     ("Friction f(mu=1)", "in braces", ""), ("mass.v = 3", "start v", ""), ("start mass.v = 3 [m/s]", "start v = 3 [m/s]", ""),
     ("spring -> mass -> body", "1(spring, mass)", ""), ("for i = 1:3 { 1 j[i] }", "for i in 1..3", "for i in 1..3 { 1 j[i]; body -> j[i] }"),
     ("for i in range(3) { 1 j[i] }", "for i in 1..3", "for i in 1..3 { 1 j[i]; body -> j[i] }"), ("for (i in 1..3) { 1 j[i] }", "for i in 1..3", "for i in 1..3 { 1 j[i]; body -> j[i] }"),
