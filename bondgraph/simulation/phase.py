@@ -89,6 +89,7 @@ class Phase:
         size = np.ones(len(program.states.names))
         self.constraints = Constraints(program, values.parameters, self.inputs, size, values)
         ends = instants[0] if begin is None else begin.time, float(instants[-1])
+        again = smooth is not None and (program in smooth or self.history is not None)  # its pilot runs show nothing new
         course = self._timeline(program, ends, {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
         start = self._start()
@@ -99,7 +100,9 @@ class Phase:
         if self.events is not None:
             self.events.record.record.relative = options.rtol
         self.begins_without, self.goes_on_without = start.begins_without, start.goes_on_without
-        self.known: Mapping[str, float] = dict(begin.magnitudes) if begin is not None else {}  # magnitudes by name
+        magnitudes, guessed = ({}, frozenset[str]()) if begin is None else (begin.magnitudes, begin.guessed)
+        self.guessed = guessed if again else frozenset[str]()  # names of what nothing has moved
+        self.known: Mapping[str, float] = {n: m for n, m in magnitudes.items() if again or n not in guessed}
         self.looked_from = self.state  # state from which a pilot run starts
         self.leaving: Leaving | None = None  # modal truncation at the bandwidth
         self.left_out: TruncationReport | None = None
@@ -207,6 +210,7 @@ class Phase:
         """Keep what is known of magnitudes and the doubts about them; return the values."""
         self.doubts = self.doubts if found.doubts is None else found.doubts
         self.known, self.moved = found.known, found.moved
+        self.guessed |= frozenset(found.guessed)
         return found.values
 
     def _searched_magnitudes(self) -> PhaseMagnitudes:
@@ -218,8 +222,8 @@ class Phase:
         )  # fmt: skip
         return search.magnitudes(self.events)
 
-    def _pilot(self, magnitude: Array) -> Any:
-        """Return the largest values of a coarse run through the events of this phase."""
+    def _pilot(self, magnitude: Array) -> tuple[Array, float]:
+        """Return the largest values of a coarse run through the events of this phase, and the time at which other junctions go on or off."""
         from .integration.event_integrator import pilot
 
         assert self.events is not None
@@ -227,10 +231,10 @@ class Phase:
         companion = None if self.companion is None else self.companion.ahead()
         units = None if self.events.units is None else self.events.units.ahead()
         copied = replace(self.events, on=dict(self.events.on), log=[], companion=companion, units=units)
-        largest = pilot(self._problem(copied, None), self.state, self.stretches, magnitude)
+        found = pilot(self._problem(copied, None), self.state, self.stretches, magnitude)
         if self.history is not None and saved is not None:
             self.history.restore(saved)
-        return largest
+        return found
 
     def _choice(self) -> Choice:
         return Choice(self.program, self.constants, self.inputs, self.compilation.facts.storages, self.begin)

@@ -17,6 +17,7 @@ from ..quantities import behind
 from ..results.records import EnergyBalance, EventRecord, Extremes, LimitLeft, widest
 from ..results.result import Result
 from .monitors.state_selection import WORST
+from .monitors.step_size_diagnosis import BEYOND
 from .phase import Phase, PhaseOptions, SwitchedStart
 from .phases.cancellation import EXACT, doubts_on_outputs
 from .phases.start import no_rest
@@ -214,7 +215,9 @@ def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: P
     if before is not None:
         begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
     past = None if leg.history is None else leg.history.past()
-    return replace(begin, magnitudes=leg.known, past=past)
+    # what has got so far is told once
+    known = {n: max(m, peak) if (peak := begin.peaks.get(n, 0.0)) > BEYOND * m else m for n, m in leg.known.items()}
+    return replace(begin, magnitudes=known, guessed=leg.guessed, past=past)
 
 
 def _impulses(legs: Sequence[Phase]) -> Iterator[str]:

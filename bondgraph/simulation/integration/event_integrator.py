@@ -286,8 +286,9 @@ class EventIntegrator(SegmentIntegrator):
         return bool((np.abs(two - one) <= HARMLESS * self.tolerances.relative * most).all())
 
 
-def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], magnitude: Array) -> Any:
-    """Return the largest magnitudes of states and unknowns in a pilot run through the events, as far as this program goes."""
+def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], magnitude: Array) -> tuple[Array, float]:
+    """Return the largest magnitudes of states and unknowns in a pilot run through the events, as far as this program goes, and the time to which it goes;
+    infinite if no junction goes on or off."""
     program, constants, inputs = problem.program, problem.constants, problem.inputs
     tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
     stepper = EventIntegrator(
@@ -315,4 +316,6 @@ def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], mag
         pass  # the run itself will raise the error
     stepper.let_go()
     largest = stepper.result.peak
-    return np.abs(state) if largest is None else np.maximum(np.abs(state), largest)
+    pieces = stepper.result.pieces
+    until = (pieces[-1].stop if pieces else stretches[0].start) if stepper.switched else np.inf
+    return np.abs(state) if largest is None else np.maximum(np.abs(state), largest), until

@@ -41,7 +41,7 @@ class Magnitudes:
     """Magnitudes of a run.
 
     `values`, shape (n,), in SI; `moved`: the same, 0 for what nothing moves, whose value is the largest of all, or 1; `stopped`: the time at which the
-    pilot run gave up, if it did; `unknown`: the states without information then, whose magnitude is a small fraction of the charge that sources could bring.
+    pilot run gave up, if it did; `unknown`: the states without information, whose magnitude is what sources could bring, and a small fraction of it then.
     """
 
     values: Any
@@ -105,7 +105,7 @@ def nominal_magnitudes(
         charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
         result[unknown] = share * charged[unknown]
         values = np.where(result > 0, result, share * (charged.max() or 1.0))
-    names = () if stopped is None else tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
+    names = tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
     return Magnitudes(values, result, stopped, names, look)
 
 

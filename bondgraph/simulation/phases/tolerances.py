@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,13 +47,14 @@ def given_tolerances(plan: Plan, program: Program, facts: RunMetadata) -> dict[i
 class PhaseMagnitudes:
     """Magnitudes of all states and unknowns, doubts about them, and by name: those that the next phase takes over, and those of all that moves.
 
-    Of what nothing moves the value is no more than a guess.
+    Of what nothing moves the value is no more than a guess; `guessed`: their names.
     """
 
     values: Any
     doubts: tuple[ToleranceDoubt, ...] | None  # None: nothing was searched
     known: Mapping[str, float]
     moved: Mapping[str, float]
+    guessed: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,8 @@ class MagnitudeSearch:
     """Search of the magnitudes of a phase.
 
     `state`: where pilot runs start; `known`: magnitudes by name; `peaks`: largest absolute values before this phase; `choice`: a monitor of the
-    state selection; `coarse`: the largest values of a coarse run through the events, with the magnitudes up to the first.
+    state selection; `coarse`: the largest values of a coarse run through the events, with the magnitudes up to the first, and the time at which other
+    junctions go on or off, infinite if none do.
     """
 
     constraints: Constraints
@@ -71,7 +73,7 @@ class MagnitudeSearch:
     known: Mapping[str, float]
     peaks: Any
     choice: Callable[[], Choice]
-    coarse: Callable[[Array], Array]
+    coarse: Callable[[Array], tuple[Array, float]]
 
     def magnitudes(self, events: Events | None) -> PhaseMagnitudes:
         """Return the magnitudes; `events` are measured by them."""
@@ -101,18 +103,23 @@ class MagnitudeSearch:
             return Conditions(np.asarray(mode)[events.places] == 1.0, events.strict)
 
         names, doubts, guess = program.variables.names, None, 1.0
+        guessed: Sequence[str] = ()
         if known and self.mechanisms:
             levels = rounding_levels(program, self.mechanisms, self.constraints, self.state, self.stretches[0])
             known = of_what_moved(known, program, levels)
         if not all(n in known for n in names):
             first = self._nominal(PilotObservation(self.choice(), conditions))
             events.measure_anew(first.moved, at)
-            largest = self.coarse(first.values)
-            nominal = self._nominal(
-                PilotObservation(self.choice(), conditions), np.maximum(largest, self.peaks), first.look
+            largest, until = self.coarse(first.values)
+            search, look = self, first.look
+            if before := [s.up_to(s.start, min(s.stop, until)) for s in self.stretches if s.start < until < np.inf]:
+                # the look went on with a program that does not hold there: behind a switch that stays closed a current grows without end
+                search, look = replace(self, stretches=before), None
+            nominal = search._nominal(
+                PilotObservation(self.choice(), conditions), np.maximum(largest, self.peaks), look
             )
-            doubts, guess = nominal.doubts, nominal.values
+            doubts, guess, guessed = nominal.doubts, nominal.values, nominal.unknown
             known = nominal.by_name(names) | dict(known)
         moved = np.array([known.get(n, 0.0) for n in names])
         events.measure_anew(moved, at)
-        return PhaseMagnitudes(np.where(moved > 0, moved, guess), doubts, known, known)
+        return PhaseMagnitudes(np.where(moved > 0, moved, guess), doubts, known, known, guessed)

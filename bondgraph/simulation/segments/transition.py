@@ -28,5 +28,6 @@ class PhaseTransition:
     on: Mapping[tuple[str, int], bool] = field(default_factory=dict)  # truth of the events' conditions
     past: DelayHistory | None = None  # history of delayed signals
     magnitudes: Mapping[str, float] = field(default_factory=dict)  # magnitudes of states and unknowns
+    guessed: frozenset[str] = frozenset()  # those of states that nothing has moved
     unknowns: Mapping[str, float] = field(default_factory=dict)  # unknowns of loops
     units: CoSimulatedUnits | None = None  # imported ones, within a run
