@@ -89,7 +89,9 @@ class Phase:
         size = np.ones(len(program.states.names))
         self.constraints = Constraints(program, values.parameters, self.inputs, size, values)
         ends = instants[0] if begin is None else begin.time, float(instants[-1])
-        again = smooth is not None and (program in smooth or self.history is not None)  # its pilot runs show nothing new
+        again = smooth is not None and (
+            program in smooth or self.history is not None
+        )  # its pilot runs show nothing new
         course = self._timeline(program, ends, {} if smooth is None else smooth)
         self.stretches, self.timed = course.segments, course.notes
         start = self._start()
