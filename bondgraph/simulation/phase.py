@@ -143,13 +143,14 @@ class Phase:
         if self.history is not None or program not in known:
             constants, parts = self.constraints.constants, self.options.parts
             whole = (ends[0] if self.history is not None else self.options.plan.start), ends[1]
-            known[program] = self.constraints.recall(
+            course = self.constraints.recall(
                 "timeline",
                 (*whole, parts),
                 lambda: timeline_in_parts(program, constants, whole, parts),
                 lambda course: len(course.segments),
             )
-        return replace(known[program], segments=aligned(rest_of(known[program].segments, ends[0]), self.instants))
+            known[program] = replace(course, segments=aligned(course.segments, self.instants))
+        return replace(known[program], segments=rest_of(known[program].segments, ends[0]))
 
     def _start(self) -> StartOfPhase:
         """Return the start of this phase. Raises `RunFailed`."""

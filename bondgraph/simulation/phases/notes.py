@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from ...results.records import ToleranceDoubt
@@ -20,7 +21,8 @@ def phase_notes(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the notes of an integrated phase. `timed`: on its segments; `undetermined`: on its program; `assembled`: of the first phase."""
     constraints, trajectory = solution.constraints, solution.trajectory
-    resolutions = {id(s.resolution): s.resolution for s in solution.planned if s.resolution is not None}
+    reached = takewhile(lambda s: s.start <= solution.segments[-1].stop, solution.planned)  # other programs go on there
+    resolutions = {id(s.resolution): s.resolution for s in reached if s.resolution is not None}
     notes = [*list(dict.fromkeys(trajectory.notes))[:1], *timed, *(n for r in resolutions.values() for n in r.notes)]
     if events is not None:
         from ..events.bounds import notes_on_conditions
