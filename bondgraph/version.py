@@ -1,3 +1,3 @@
 """Version of the package; `pyproject.toml` and `bondgraph.__version__` read it here."""
 
-VERSION = "0.9.0"
+VERSION = "1.0.0"
