@@ -360,12 +360,12 @@ class Connector:
                 what = f"The splitter's port `{name}` is connected on one side only"
                 self.elaborator.tell(WrongConnection(segments[0].span, what, hint))
         if len(sides) == 2 and all(len(s) == 1 for s in sides.values()):
-            (first,), (second,) = sides.values()
+            (first,), (second,) = (sides[side] for side in sorted(sides))  # the arrow outside comes last: it may be turned
             arrives = [s for s in (first, second) if s.head.side and _name(s.head) == name]
             if len(arrives) != 1:
                 how = "head-on" if len(arrives) == 2 else "tail to tail"
                 what, other = f"Two arrows meet {how} in `{name}`", (first.span, "the other arrow")
-                hint = "The arrows on both sides of a port must agree: turn one of them."
+                hint = "The arrows on both sides of a port must agree: turn one of them, or join two such ports by a junction, `0 node`, with an arrow for each."
                 self.elaborator.tell(WrongConnection(second.span, what, hint, (other,)))
 
     def _follow(
