@@ -365,7 +365,7 @@ class Connector:
             if len(arrives) != 1:
                 how = "head-on" if len(arrives) == 2 else "tail to tail"
                 what, other = f"Two arrows meet {how} in `{name}`", (first.span, "the other arrow")
-                hint = "The arrows on both sides of a port must agree: turn one of them, or join two such ports by a junction, `0 node`, with an arrow for each."
+                hint = "The arrows on both sides of a port must agree: turn one of them, or join two such ports by a junction, `0 node`, an arrow for each."
                 self.elaborator.tell(WrongConnection(second.span, what, hint, (other,)))
 
     def _follow(
