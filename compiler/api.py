@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from .graph.domains import BUNDLES, DOMAINS, Domain
     from .graph.elements import ELEMENTS, Kind, letters
     from .graph.mechanism import Body, Joint, Mechanism, freedoms_of
-    from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Quantity, Reading
+    from .graph.network import BondEnd, BondGraph, Element, Junction, MechanismNode, Named, Quantity, Reading
     from .graph.network import Node as GraphNode
     from .graph.prune import adjustable, derivative_wishes, preferring
     from .graph.units import PREFIXES, UNITS, Dimension, Scale

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -51,6 +52,7 @@ from .semantics.names.compound_units import ambiguous_products, in_one_literal, 
 from .semantics.names.errors import TooLongRow
 from .source import Source
 from .syntax import SyntaxTree, parse
+from .system import System, cut
 
 if TYPE_CHECKING:
     from .codegen.program_image import ProgramImage
@@ -81,8 +83,20 @@ class Compilation:
 
     @cached_property
     def _built(self) -> Built:
+        if self.scene.unit is not None:
+            name, parts = self.scene.unit
+            whole = replace(self, scene=replace(self.scene, unit=None))
+            graph, plan = whole.system(parts).units[name], whole.plan
+            own = graph.quantities.keys() | {node.name for node in graph.nodes}
+            tolerances = {n: t for n, t in plan.tolerances.items() if n in own or n.rpartition(".")[0] in own}
+            return replace(whole._built, graph=graph, plan=replace(plan, tolerances=tolerances))
         with uncollected():
             return build_graph(self.tree, self.scene, self.library, self.most_parts)
+
+    def system(self, parts: Sequence[str]) -> System:
+        """The model cut at the ports of some instances."""
+        with self._instances():
+            return cut(assign_causality(preferring(self.whole_graph, dict.fromkeys(self.given_way))), parts)
 
     @property
     def whole_graph(self) -> BondGraph:

@@ -53,6 +53,8 @@ class Scene:
     extra_outputs: tuple[tuple[str, str], ...] = ()
     # port of the model -> `effort` or `flow`, which comes from outside by an input; the other one is an output
     ports: tuple[tuple[str, str], ...] = ()
+    # one unit of the model cut at the ports of some instances: its name, and the instances
+    unit: tuple[str, tuple[str, ...]] | None = None
     # storage -> integral or derivative, chosen again in the middle of a run
     preferences: tuple[tuple[str, str], ...] = ()
     by: tuple[str, ...] = ()  # additional quantities to differentiate by; those that nothing reads are left out

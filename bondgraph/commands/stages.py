@@ -25,7 +25,7 @@ from .options import (
     written,
 )
 
-FMU = ".fmu"  # ending of functional mock-up units
+FMU, SSP = ".fmu", ".ssp"  # endings of functional mock-up units, and of systems of them
 
 
 @click.command("show")
@@ -109,7 +109,7 @@ def explain(
     "-o",
     "--out",
     required=True,
-    metavar="MODEL.py|.c|.mo|.diffsl|.fmu|-",
+    metavar="MODEL.py|.c|.mo|.diffsl|.fmu|.ssp|-",
     help="The file to write; `-`, with --target, is the standard output.",
 )
 @click.option(
@@ -130,20 +130,25 @@ def explain(
 @click.option(
     "-e", "--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none."
 )
-@click.option("--part", metavar="INSTANCE", help="One instance alone, such as a controller.")
+@click.option(
+    "--part",
+    multiple=True,
+    metavar="INSTANCE",
+    help="One instance alone, such as a controller; of an SSP, as often as wanted: an instance that is a unit.",
+)
 @click.option("--float", "single", is_flag=True, help="C in float instead of double.")
 @model_option
 def compile(
     file: str,
     out: str,
     target: str | None,
-    part: str | None,
+    part: tuple[str, ...],
     single: bool,
     model: str | None,
     port: tuple[str, ...],
     **unit: str | None,
 ) -> None:
-    """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi or JAX, Modelica, DiffSL, or a functional mock-up unit."""
+    """Write a Python module that needs numpy alone, C that needs nothing, functions of CasADi or JAX, Modelica, DiffSL, an FMU, or a system of FMUs."""
     from compiler.api import target_of, text_targets
 
     from ..files import write_text
@@ -154,20 +159,29 @@ def compile(
     if out == STREAM and target is None:
         raise click.UsageError(f"`-o -` has no ending that means a kind: --target {', '.join(t.name for t in targets)}")
     if out != STREAM:
-        check_target(out, endings if target else (*endings, FMU), "--out")
-    if out.endswith(FMU) and (part is not None or single):
-        raise click.UsageError("--part and --float belong to a program as a text")
+        check_target(out, endings if target else (*endings, FMU, SSP), "--out")
+    is_system = out.endswith(SSP)
+    if (out.endswith(FMU) and part) or (out.endswith((FMU, SSP)) and single) or (len(part) > 1 and not is_system):
+        raise click.UsageError("--part and --float belong to a program as a text; several parts, to a system of units")
+    if is_system and (port or unit["icon"] is not None):
+        raise click.UsageError("--port and --icon belong to an FMU; the ports of the parts of a system are joined")
     platforms, experiment = unit["platforms"], unit["experiment"]
-    if out.endswith(FMU):
+    if out.endswith((FMU, SSP)):
         words = tuple(p.strip() for p in ("linux64" if platforms is None else platforms).split(","))
         version = "2" if unit["fmi"] is None else unit["fmi"]
-        load(file, model).to_fmu(out, experiment, words, version, _ports(port), unit["icon"] is not None)
+        chosen_model = load(file, model)
+        if is_system:
+            chosen_model.to_ssp(out, part, experiment, words, version)
+        else:
+            chosen_model.to_fmu(out, experiment, words, version, _ports(port), unit["icon"] is not None)
         return
     if port or any(value is not None for value in unit.values()):
         raise click.UsageError(
-            f"--platforms, --fmi, --port, --icon and --experiment belong to an FMU, a file that ends in {FMU}"
+            f"--platforms, --fmi, --port, --icon and --experiment belong to an FMU, a file that ends in {FMU}, or a system of them ({SSP})"
         )
-    text = load(file, model).compile(target or target_of(PurePath(out).suffix), part=part, single=single)
+    text = load(file, model).compile(
+        target or target_of(PurePath(out).suffix), part=part[0] if part else None, single=single
+    )
     with written(out, endings[0]) as path:
         write_text(path, text)
 

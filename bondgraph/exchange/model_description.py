@@ -52,10 +52,10 @@ def model_description(
 
 def build_description(head: UnitHead) -> str:
     """Return the text of `buildDescription.xml` of FMI 3.0."""
-    files = "".join(f"<SourceFile{_attributes({'name': name})}/>" for name in head.sources)
+    files = "".join(f"<SourceFile{attributes({'name': name})}/>" for name in head.sources)
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0">\n'
-        f"  <BuildConfiguration{_attributes({'modelIdentifier': head.identifier})}>\n"
+        f"  <BuildConfiguration{attributes({'modelIdentifier': head.identifier})}>\n"
         f'    <SourceFileSet language="C11">{files}</SourceFileSet>\n'
         "  </BuildConfiguration>\n</fmiBuildDescription>\n"
     )
@@ -68,16 +68,16 @@ def terminals_and_icons(terminals: Sequence[UnitTerminal], icon: UnitIcon | None
         scale = 200 / max(icon.width, icon.height) / 2  # the longer side is that of the usual system of coordinates
         x, y = icon.width * scale, icon.height * scale
         place = {"x1": repr(-x), "y1": repr(-y), "x2": repr(x), "y2": repr(y)}
-        system = _attributes(place | {"suggestedScalingFactorTo_mm": "0.1"})
-        lines.append(f"  <GraphicalRepresentation><CoordinateSystem{system}/><Icon{_attributes(place)}/></GraphicalRepresentation>")  # fmt: skip
+        system = attributes(place | {"suggestedScalingFactorTo_mm": "0.1"})
+        lines.append(f"  <GraphicalRepresentation><CoordinateSystem{system}/><Icon{attributes(place)}/></GraphicalRepresentation>")  # fmt: skip
     lines += ["  <Terminals>"] if terminals else []
     for item in terminals:
         head = {"name": item.name, "matchingRule": "plug", "terminalKind": f"_bondgraph_{item.domain}"}
-        lines.append(f"    <Terminal{_attributes(head)}>")
+        lines.append(f"    <Terminal{attributes(head)}>")
         for member, name in (("effort", item.effort), ("flow", item.flow)):
             kind = "signal" if member == "effort" else "inflow" if item.inward else "outflow"
             row = {"variableName": name, "memberName": member, "variableKind": kind}
-            lines.append(f"      <TerminalMemberVariable{_attributes(row)}/>")
+            lines.append(f"      <TerminalMemberVariable{attributes(row)}/>")
         lines.append("    </Terminal>")
     lines += ["  </Terminals>"] if terminals else []
     return "\n".join([*lines, "</fmiTerminalsAndIcons>", ""])
@@ -93,15 +93,15 @@ def _lines(
     }  # fmt: skip
     if older:
         top["numberOfEventIndicators"] = str(head.indicators)
-    yield f"<fmiModelDescription{_attributes(top)}>"
-    files = "".join(f"<File{_attributes({'name': name})}/>" for name in head.sources)
+    yield f"<fmiModelDescription{attributes(top)}>"
+    files = "".join(f"<File{attributes({'name': name})}/>" for name in head.sources)
     inner = f">\n    <SourceFiles>{files}</SourceFiles>\n  </" if older else "></"
     for kind, alone in _ALONE.items():
         abilities = dict.fromkeys((*alone[version], *_BOTH[version]), "true")
-        yield f"  <{kind}{_attributes({'modelIdentifier': head.identifier, **abilities})}{inner}{kind}>"
+        yield f"  <{kind}{attributes({'modelIdentifier': head.identifier, **abilities})}{inner}{kind}>"
     yield from _units(variables, shown)
     yield '  <LogCategories><Category name="logStatus"/></LogCategories>'
-    yield f"  <DefaultExperiment{_attributes(_experiment(head))}/>"
+    yield f"  <DefaultExperiment{attributes(_experiment(head))}/>"
     yield "  <ModelVariables>"
     for place, item in enumerate(variables):
         yield _variable(place, item, shown.get(item.name) if item.causality == "output" else None, older)
@@ -127,17 +127,18 @@ def _units(variables: Sequence[FmuVariable], shown: Mapping[str, Reported]) -> I
         return
     yield "  <UnitDefinitions>"
     for name in names:
-        powers = _powers(name)
-        inner = "" if powers is None else f"<BaseUnit{_attributes(powers)}/>"
+        base = powers(name)
+        inner = "" if base is None else f"<BaseUnit{attributes(base)}/>"
         outputs = [shown[v.name] for v in variables if v.unit == name and v.causality == "output" and v.name in shown]
         for unit, report in {r.unit: r for r in outputs}.items():
             scale = {"name": unit, "factor": repr(report.scale), "offset": repr(report.offset)}
-            inner += f"<DisplayUnit{_attributes(scale)}/>"
+            inner += f"<DisplayUnit{attributes(scale)}/>"
         yield f"    <Unit name={_quoted(name)}>{inner}</Unit>" if inner else f"    <Unit name={_quoted(name)}/>"
     yield "  </UnitDefinitions>"
 
 
-def _powers(unit: str) -> Mapping[str, str] | None:
+def powers(unit: str) -> Mapping[str, str] | None:
+    """Return the powers of the base units in a unit; None if they are no whole numbers."""
     try:
         exponents = read_unit(Source("unit", unit)).dimension.exponents
     except CompilationFailed:
@@ -151,7 +152,7 @@ def _variable(place: int, item: FmuVariable, report: Reported | None, older: boo
     head = {"name": item.name, "valueReference": str(place)}
     head |= {"description": item.description} if item.description else {}
     if item.is_clock:
-        return f"    <Clock{_attributes(head | {'causality': item.causality, 'intervalVariability': 'triggered'})}/>"
+        return f"    <Clock{attributes(head | {'causality': item.causality, 'intervalVariability': 'triggered'})}/>"
     head |= {"causality": item.causality, "variability": item.variability}
     head |= {"initial": item.initial} if item.initial else {}
     real: dict[str, str] = {}
@@ -162,8 +163,8 @@ def _variable(place: int, item: FmuVariable, report: Reported | None, older: boo
     real |= {"derivative": str(item.derivative_of + older)} if item.derivative_of is not None else {}
     real |= {"reinit": "true"} if item.reset else {}
     if older:
-        return f"    <ScalarVariable{_attributes(head)}><Real{_attributes(real)}/></ScalarVariable>"
-    return f"    <Float64{_attributes(head | real)}/>"
+        return f"    <ScalarVariable{attributes(head)}><Real{attributes(real)}/></ScalarVariable>"
+    return f"    <Float64{attributes(head | real)}/>"
 
 
 def _structure_2(variables: Sequence[FmuVariable]) -> Iterator[str]:
@@ -173,7 +174,7 @@ def _structure_2(variables: Sequence[FmuVariable]) -> Iterator[str]:
             yield f"    <{name}s>"
             for place, item in members:
                 reads = {} if name == "InitialUnknown" else _reads(item, 1)
-                yield f"      <Unknown{_attributes({'index': str(place + 1)} | reads)}/>"
+                yield f"      <Unknown{attributes({'index': str(place + 1)} | reads)}/>"
             yield f"    </{name}s>"
 
 
@@ -187,7 +188,7 @@ def _structure_3(variables: Sequence[FmuVariable]) -> Iterator[str]:
         for place, item in members:
             at_start = [i for i, _ in item.reads or () if variables[i].initial != "calculated"] + parameters
             reads = {"dependencies": " ".join(map(str, at_start))} if name == "InitialUnknown" else _reads(item, 0)
-            yield f"    <{element}{_attributes({'valueReference': str(place)} | reads)}/>"
+            yield f"    <{element}{attributes({'valueReference': str(place)} | reads)}/>"
 
 
 def _unknowns(variables: Sequence[FmuVariable]) -> dict[str, list[tuple[int, FmuVariable]]]:
@@ -208,11 +209,12 @@ def _unknowns(variables: Sequence[FmuVariable]) -> dict[str, list[tuple[int, Fmu
 def _reads(item: FmuVariable, first: int) -> dict[str, str]:
     """Return what a variable depends on, where variables count from `first`."""
     reads = item.reads or ()
-    attributes = {"dependencies": " ".join(str(i + first) for i, _ in reads)}
-    return attributes | ({"dependenciesKind": " ".join(kind for _, kind in reads)} if reads else {})
+    places = {"dependencies": " ".join(str(i + first) for i, _ in reads)}
+    return places | ({"dependenciesKind": " ".join(kind for _, kind in reads)} if reads else {})
 
 
-def _attributes(values: Mapping[str, str]) -> str:
+def attributes(values: Mapping[str, str]) -> str:
+    """Return attributes as they stand in a file."""
     return "".join(f" {name}={_quoted(value)}" for name, value in values.items())
 
 

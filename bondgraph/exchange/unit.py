@@ -29,7 +29,7 @@ from .model_description import UnitHead, build_description, model_description, t
 from .obstacles import refuse
 from .start import StartValues, start_values
 from .terminals import UnitIcon, terminals_of
-from .variables import variables_of
+from .variables import FmuVariable, own_names, variables_of
 
 if TYPE_CHECKING:
     from compiler.api import Compilation, LibraryModule, Plan, Scene
@@ -85,6 +85,16 @@ class _UnitParts:
     version: FmiVersion
 
 
+@dataclass(frozen=True, slots=True)
+class FmuUnit:
+    """A unit: its files, its variables, their names by those in the model, and the plan of its experiment."""
+
+    files: Mapping[str, bytes]
+    variables: tuple[FmuVariable, ...]
+    names: Mapping[str, str]
+    plan: Plan
+
+
 def fmu(
     model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2",
     ports: Mapping[str, str] | None = None, icon: UnitIcon | None = None,
@@ -96,26 +106,37 @@ def fmu(
     `icon`: its picture in other tools.
     Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
+    for port, side in (ports or {}).items():
+        if side not in ("effort", "flow"):
+            raise UsageError("BR620", f"the port `{port}` is given `{side}`; a unit takes its `effort` or its `flow`")
+    scene = api.Scene(model.model, experiment or "", ports=tuple((ports or {}).items()))
+    return zipped(unit_of(model, scene, experiment, platforms, fmi, icon).files)
+
+
+def unit_of(
+    model: CompiledModel, first: Scene, experiment: str | None, platforms: Sequence[str], fmi: str, icon: UnitIcon | None = None
+) -> FmuUnit:  # fmt: skip
+    """Return the unit of a scene, which has the first experiment where none is named."""
     for word in platforms or ("",):
         if word not in PLATFORMS:
             raise UsageError("BR640", f"there is no platform `{word}`; platforms are {', '.join(PLATFORMS)}")
     if fmi not in VERSIONS:
         raise UsageError("BR618", f"no unit of FMI `{fmi}` can be written; versions are {', '.join(VERSIONS)}")
-    for port, side in (ports or {}).items():
-        if side not in ("effort", "flow"):
-            raise UsageError("BR620", f"the port `{port}` is given `{side}`; a unit takes its `effort` or its `flow`")
-    version = VERSIONS[fmi]
+    version, ports = VERSIONS[fmi], dict(first.ports)
     chosen_target("native")
-    first = api.Scene(model.model, experiment or "", ports=tuple((ports or {}).items()))
     compilation = _compilation(model, replace(first, experiment=experiment, free=frozenset({"*"})))
     refuse(compilation)
     plan = model.compilation(first).plan
     compiled_scene = model.compiled_scene(compilation.scene, True, "native")
-    example = None if experiment else model.compiled_scene(first, True, "native")
+    example = (
+        None if experiment and first.unit is None else model.compiled_scene(replace(first, unit=None), True, "native")
+    )
     values = start_values(compiled_scene, compilation, plan, experiment, example)
     module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
     descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
     variables = variables_of(compilation.lowered, structure, values, descriptions, version.number == "3.0")
+    names = own_names(variables, first.unit)
+    variables = tuple(replace(item, name=names[item.name]) for item in variables)
     image = image_of(compiled_scene.program, module, values)
     token = hashlib.sha256(
         repr((module.text, image, variables, version.number, cache.code_version())).encode()
@@ -124,14 +145,14 @@ def fmu(
     files = {
         "modelDescription.xml": model_description(parts.head, variables, plan.report, version.number).encode("utf-8")
     }
-    files |= _terminals(compilation, version, ports or {}, icon)
+    files |= _terminals(compilation, version, ports, icon)
     for word in platforms:
         platform = PLATFORMS[word]
         files[f"binaries/{platform.folders[version.number]}/{parts.head.identifier}{platform.ending}"] = _library(
             parts, word
         )
     files |= _sources(compilation, parts)
-    return _zipped(files)
+    return FmuUnit(files, variables, names, plan)
 
 
 def _terminals(
@@ -205,7 +226,8 @@ def _sources(compilation: Compilation, parts: _UnitParts) -> dict[str, bytes]:
     return {f"sources/{name}": text.encode("utf-8") for name, text in texts.items()}
 
 
-def _zipped(files: dict[str, bytes]) -> bytes:
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Return an archive of files, whose bytes depend on them alone."""
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():

@@ -157,6 +157,15 @@ def _unique(variables: Sequence[FmuVariable]) -> Iterator[FmuVariable]:
         yield item
 
 
+def own_names(variables: Sequence[FmuVariable], unit: tuple[str, tuple[str, ...]] | None) -> dict[str, str]:
+    """Return the names that variables have in their unit, by those in the model: what belongs to it leaves out its name."""
+    names = [item.name for item in variables]
+    if unit is None:
+        return dict(zip(names, names, strict=True))
+    short = [re.sub(rf"^(der\(|state\.)?{re.escape(unit[0])}\.", r"\1", name) for name in names]
+    return dict(zip(names, short if len({*short}) == len(short) else names, strict=True))
+
+
 def is_structured(variables: Sequence[FmuVariable]) -> bool:
     """Return True if all names are of the structured convention."""
     names = (

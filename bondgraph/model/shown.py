@@ -191,3 +191,20 @@ class Shown(AnalysedModel):
         data = fmu(self, experiment, platforms, fmi, ports, self._icon(ports or {}) if icon else None)
         with replacing(path) as stream:
             stream.write(data)
+
+    @checked
+    def to_ssp(
+        self, path: str | Path, parts: Sequence[str] = (), experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2"
+    ) -> None:  # fmt: skip
+        """Write the model as a system of units for other tools, in the format System Structure and Parameterization (SSP) 1.0.
+
+        Its units are the instances `parts` of the model, or all at its top, and the rest; it is cut at their ports, with the strokes of the whole.
+        Parameters that an experiment sets are a set of its own. The rest is as in `to_fmu`. Raises `CompilationFailed`, also where a cut is not possible,
+        `UsageError`, `RunFailed`, OSError.
+        """
+        from ..exchange.system_structure import ssp
+        from ..files import replacing
+
+        data = ssp(self, parts, experiment, platforms, fmi)
+        with replacing(path) as stream:
+            stream.write(data)
