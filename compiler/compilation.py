@@ -52,7 +52,7 @@ from .semantics.names.compound_units import ambiguous_products, in_one_literal, 
 from .semantics.names.errors import TooLongRow
 from .source import Source
 from .syntax import SyntaxTree, parse
-from .system import System, cut
+from .system import System, cut, unit_alone
 
 if TYPE_CHECKING:
     from .codegen.program_image import ProgramImage
@@ -84,12 +84,8 @@ class Compilation:
     @cached_property
     def _built(self) -> Built:
         if self.scene.unit is not None:
-            name, parts = self.scene.unit
             whole = replace(self, scene=replace(self.scene, unit=None))
-            graph, plan = whole.system(parts).units[name], whole.plan
-            own = graph.quantities.keys() | {node.name for node in graph.nodes}
-            tolerances = {n: t for n, t in plan.tolerances.items() if n in own or n.rpartition(".")[0] in own}
-            return replace(whole._built, graph=graph, plan=replace(plan, tolerances=tolerances))
+            return unit_alone(whole._built, whole.system(self.scene.unit[1]), self.scene.unit[0])
         with uncollected():
             return build_graph(self.tree, self.scene, self.library, self.most_parts)
 

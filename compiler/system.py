@@ -33,12 +33,13 @@ from .graph.network import (
     Sampling,
 )
 from .graph.samples import FOLLOWING, ITSELF
+from .semantics import Built
 from .source import Span
 
 _COPIED = ("parameter", "constant", *FOLLOWING)  # roles of what any unit computes of what it reads
 
 
-class Link(NamedTuple):
+class UnitLink(NamedTuple):
     """Value that goes from a variable of a unit to one of another."""
 
     giver: str
@@ -51,7 +52,7 @@ class System(NamedTuple):
     """Units by name, that of the rest with the name of the model, and what goes between them."""
 
     units: Mapping[str, BondGraph]
-    links: tuple[Link, ...]
+    links: tuple[UnitLink, ...]
 
 
 def cut(causal: CausalGraph, parts: Sequence[str]) -> System:
@@ -67,6 +68,14 @@ def cut(causal: CausalGraph, parts: Sequence[str]) -> System:
             )
             raise CompilationFailed([NoPart(graph.span, part, hint)])
     return _Cutter(causal, parts).system()
+
+
+def unit_alone(whole: Built, system: System, name: str) -> Built:
+    """Return one unit of a model, with the plan of its experiment."""
+    graph = system.units[name]
+    own = graph.quantities.keys() | {node.name for node in graph.nodes}
+    tolerances = {n: t for n, t in whole.plan.tolerances.items() if n in own or n.rpartition(".")[0] in own}
+    return replace(whole, graph=graph, plan=replace(whole.plan, tolerances=tolerances))
 
 
 class _Unit:
@@ -89,7 +98,7 @@ class _Cutter:
         self.causal, self.graph = causal, causal.graph
         self.parts = sorted(parts, key=len, reverse=True)  # of nested ones the inner one comes first
         self.units: dict[str, _Unit] = defaultdict(_Unit)
-        self.links: dict[Link, None] = {}
+        self.links: dict[UnitLink, None] = {}
         self.rest = self.graph.name
         while self.rest.lower() in (part.lower() for part in parts):  # files are named after units
             self.rest += "_"
@@ -187,7 +196,9 @@ class _Cutter:
             result, "output", unit_of(bond.domain, answer), reading, None, bond.span
         )
         other = next(o for o in (self.owners[bond.tail.node], self.owners[bond.head.node]) if o != owner)
-        self.links[Link(owner, result, other, f"{self._port(other, number)}_{letter_of(bond.domain, answer)}")] = None
+        self.links[UnitLink(owner, result, other, f"{self._port(other, number)}_{letter_of(bond.domain, answer)}")] = (
+            None
+        )
         kind = Kind.FLOW_SOURCE if given == "f" else Kind.EFFORT_SOURCE
         law = Law(((Symbol(PortVariable(0, given)), Symbol(0)),), None, 1)
         return Element(
@@ -214,7 +225,7 @@ class _Cutter:
             return reference
         named = self._given(giver, reference)
         self._open(owner, named.name, named.unit, named.span)
-        self.links[Link(giver, named.name, owner, named.name)] = None
+        self.links[UnitLink(giver, named.name, owner, named.name)] = None
         return Quantity(named.name)
 
     def _giver(self, owner: str, reference: Reference) -> str | None:
@@ -280,7 +291,7 @@ class _Cutter:
             if giver is not None:
                 given = self._given(giver, bound.arguments[0])
                 self._open(owner, named.name, named.unit, named.span)
-                self.links[Link(giver, given.name, owner, named.name)] = None
+                self.links[UnitLink(giver, given.name, owner, named.name)] = None
                 return
         quantities[named.name] = replace(named, definition=self._read(owner, bound))
 
