@@ -15,7 +15,7 @@ from ..simulation.integrators.compiled.run import Ordered
 from ..simulation.integrators.compiled.selection_record import selection_batch
 from ..simulation.integrators.linear_algebra.sparse import FINE, SINGULAR
 from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
-from ..simulation.magnitudes.free_response import FreeResponse, free_responses, is_bounded
+from ..simulation.magnitudes.free_response import FreeResponse, free_responses
 from ..simulation.magnitudes.nominal_magnitudes import nominal_magnitudes, raised
 from ..simulation.magnitudes.pilot_horizon import goes_astray
 from ..simulation.magnitudes.pilot_run import (
@@ -72,11 +72,7 @@ def _stiffens(scene: BatchScene, runs: Runs, motion: FreeResponse, first: Segmen
     far = motion(runs.state)
     there = np.stack([runs.state + far, runs.state - far], axis=1)
     jacobians = scene.program.jacobian(first.start, there, scene.inputs, runs.constants[:, None], first.mode)
-    rate = STIFFER * motion.fastest
-    slower = np.isfinite(jacobians).all(axis=(1, 2, 3)) & is_bounded(jacobians, motion.scale, rate)
-    for row in np.flatnonzero(~slower).tolist():
-        slower[row] = motion.of(row).is_slower_than(rate[row], jacobians[row])
-    return (motion.fastest > 0) & ~slower
+    return (motion.fastest > 0) & ~motion.is_slower_than(STIFFER * motion.fastest, jacobians)
 
 
 def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[Any, Any]:

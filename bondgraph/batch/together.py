@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, BoolArray
+from compiler.api import Array, BoolArray, uncollected
 
 from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
@@ -46,7 +46,7 @@ def simulate_together(model: CompiledModel, request: RunRequest, points: Sequenc
     for place, name in enumerate(program.parameters.names):
         if name in settled.values:
             parameters[:, place] = settled.values[name]
-    with np.errstate(all="ignore"), one_thread(len(program.states.names)):
+    with np.errstate(all="ignore"), one_thread(len(program.states.names)), uncollected():
         for runs, course in grouped(scene, parameters):
             for part in _parts(scene, runs):
                 for number, result in _results(scene, part, course):
@@ -99,12 +99,12 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
         & ~_doubtful(scene, runs, course, trajectories, values)
     )
     final, last = trajectories.states[:, -1], course.segments[-1]
-    stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode)
-    peaks = trajectories.choice.peak
+    stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode).tolist()
+    peaks, parameters = trajectories.choice.peak.tolist(), runs.parameters.tolist()
+    sizes = [()] * len(runs) if magnitude is None else magnitude.tolist()
     time = (clock.perf_counter() - began) / len(runs)
     for row in np.flatnonzero(sound).tolist():
-        sizes = () if magnitude is None else magnitude[row]
-        checkpoint = _checkpoint(scene, runs.parameters[row], stored[row], peaks[row], sizes)
+        checkpoint = _checkpoint(scene, parameters[row], stored[row], peaks[row], sizes[row])
         yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], checkpoint, time)
 
 
@@ -115,32 +115,41 @@ def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: B
     for segment in course.segments:
         part = slice(*instants.searchsorted((segment.start, segment.stop)).tolist())
         if part.start < part.stop:
-            at = scene.inputs, runs.constants[:, None], segment.mode
-            values[:, part] = program.output(instants[part], states[:, part], *at)
+            for row, found in enumerate(_outputs_of(scene, runs, instants[part], states[:, part], segment.mode)):
+                values[row, part] = found
     last = course.segments[-1]
     modes = mode_after(program, runs.constants, last.stop, last)
     values[:, -1] = program.output(instants[-1], states[:, -1], scene.inputs, runs.constants, modes)
     return values
 
 
+def _outputs_of(scene: BatchScene, runs: Runs, times: Array, states: Array, mode: Array) -> Iterator[Any]:
+    """Yield the outputs of each run at instants (k,) and states (runs, k, n): constants are not copied for each instant."""
+    for x, constants in zip(states, runs.constants, strict=True):
+        yield scene.program.output(times, x, scene.inputs, constants, mode)
+
+
 def _doubtful(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories, values: Array) -> BoolArray:  # fmt: skip
     """Return a mask of the runs (runs,) that have to warn of outputs whose terms cancel: each is made alone."""
-    terms = terms_of_outputs(
-        lambda times, states, mode: scene.program.output(times[:, None], states, scene.inputs, runs.constants[:, None, None], mode),
-        scene.instants, trajectories.states, course.segments,
-    )  # fmt: skip
+
+    def output(times: Array, states: Array, mode: Array) -> Any:
+        return np.array([*_outputs_of(scene, runs, times, states, mode)])
+
+    terms = terms_of_outputs(output, scene.instants, trajectories.states, course.segments)
     accuracy = EXACT if scene.linear else max(scene.options.rtol, EXACT)
     return np.asarray(doubtful_outputs(values, terms, accuracy)[0].any(axis=-1))
 
 
-def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, peaks: Array, magnitude: Any) -> Checkpoint:
+def _checkpoint(
+    scene: BatchScene, parameters: Sequence[float], stored: Sequence[float], peaks: Sequence[float], magnitude: Sequence[float]
+) -> Checkpoint:  # fmt: skip
     """Return the checkpoint at the end; `magnitude`: of each state, or nothing where none was searched."""
     program, end = scene.program, float(scene.instants[-1])
     names = (*program.states.names, *program.dependents.names)
     return Checkpoint(
-        scene.compiled_scene.facts.identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), end, end,
-        dict(zip(names, stored.tolist(), strict=True)), dict(zip(names, peaks.tolist(), strict=True)), {},
-        {name: float(size) for name, size in zip(program.variables.names, magnitude, strict=False)}, {}, (), (), scene.compiled_scene.scene.preferences, None,
+        scene.compiled_scene.facts.identity, dict(zip(program.parameters.names, parameters, strict=True)), end, end,
+        dict(zip(names, stored, strict=True)), dict(zip(names, peaks, strict=True)), {},
+        dict(zip(program.variables.names, magnitude, strict=False)), {}, (), (), scene.compiled_scene.scene.preferences, None,
     )  # fmt: skip
 
 

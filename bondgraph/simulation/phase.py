@@ -257,12 +257,7 @@ class Phase:
     def terms_of_outputs(self) -> Any:
         """Return the largest term (outputs,) of a state in each output."""
         solution = self._solution()
-
-        def output(times: Array, rows: Array, mode: Array) -> Any:  # machine code takes one row after another
-            values = solution.output(times.repeat(rows.shape[-2]), rows.reshape(-1, rows.shape[-1]), mode)
-            return values.reshape(*rows.shape[:-1], -1)
-
-        terms = terms_of_outputs(output, self.instants, self.trajectory.states, solution.segments)
+        terms = terms_of_outputs(solution.output, self.instants, self.trajectory.states, solution.segments)
         return terms + np.zeros(len(self.program.outputs.names))  # of a phase without instants, too
 
     def go(self) -> None:

@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # most points of one task
+MOST_TOGETHER = 256  # the same where they are answered together
 OFTEN = 0.25  # s: longest time between reports, unless a point takes longer, or points are answered together
 AHEAD = 3  # tasks submitted in advance for each of our own workers, and number of tasks in a worker's share of the remaining points
 FEW = 3  # points that are first answered together
-MORE = 8  # largest factor on their number from one time to the next
+MORE = 32  # largest factor on their number from one time to the next
 MOST_KEPT = 8  # most models that a worker keeps compiled
 
 thread_time = getattr(time, "thread_time", time.process_time)  # a browser has one thread, and no clock of it
@@ -135,7 +136,7 @@ def _reports(
 ) -> Generator[Answers]:
     """Yield the missing results as soon as they are known.
 
-    With our own workers the first point is computed here: then the program exists, and copies of this process have it.
+    With several workers of our own the first point is computed here: then the program exists, and copies of this process have it.
     """
     count = cores() if workers.count is None else workers.count
     executor = workers.executor
@@ -147,15 +148,16 @@ def _reports(
             )
         return
     some = partial(answered, model, question, points)
-    yield from some(missing[:1])
-    missing = missing[1:]
-    count = min(count, len(missing))
+    if count > 1:
+        yield from some(missing[:1])
+        missing = missing[1:]
+        count = min(count, len(missing))
     if count <= 1:
         yield from some(missing)
         return
     run = question.only_run if isinstance(question, BatchRequest) else None
     in_threads = run is not None and is_together(model, run, points[missing[0]])
-    together = MOST_AT_ONCE if in_threads else 1  # their tasks are no larger than they may be
+    together = MOST_TOGETHER if in_threads else 1  # their tasks are no larger than they may be
     own = local_workers(lambda numbers: first_of(some(numbers, together)), count, in_threads)
     try:
         yield from _collected(own.submit, missing, count, own, FEW if in_threads else 1)
@@ -248,7 +250,7 @@ def answered(
     several, left = isinstance(question, BatchRequest), iter(numbers)
     until, size = perf_counter() + OFTEN, max(together, FEW) if several else 1
     try:
-        while some := list(islice(left, min(size, MOST_AT_ONCE - len(report)))):
+        while some := list(islice(left, min(size, MOST_TOGETHER if several else MOST_AT_ONCE - len(report)))):
             began = thread_time()  # others on the machine do not make batches smaller
             results = _results_at(model, question, [points[number] for number in some])
             for number, result in zip(some, results, strict=True):
@@ -257,7 +259,7 @@ def answered(
             took = max(thread_time() - began, 1e-6)
             most = max(int(len(some) * FEW * OFTEN / took), FEW if took < len(some) * OFTEN else 1)
             size = min(most, MORE * len(some)) if several else 1
-            if len(report) == MOST_AT_ONCE or perf_counter() > until:
+            if len(report) >= MOST_AT_ONCE or perf_counter() > until:
                 full, report = report, {}
                 yield full
                 until = perf_counter() + OFTEN
@@ -298,7 +300,10 @@ def _collected(
         while waiting:
             future = finished.get()
             report, time = future.result()
-            most = max(first, min(MOST_AT_ONCE, int(len(report) * first * OFTEN / max(time, 1e-6))))
+            most = max(
+                first,
+                min(MOST_AT_ONCE if first == 1 else MOST_TOGETHER, int(len(report) * first * OFTEN / max(time, 1e-6))),
+            )
             left.extendleft(reversed(waiting[future][len(report) :]))
             submit_some()
             yield report

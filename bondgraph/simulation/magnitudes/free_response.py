@@ -48,22 +48,22 @@ class FreeResponse:
         scaled = (rates / self.scale)[..., None]
         return -item_by_item(np.linalg.solve, self.matrix, scaled)[..., 0] * self.scale
 
-    def is_slower_than(self, rate: float, jacobians: Array) -> bool:
-        """Return True if all modes of other Jacobians, shape (…, n, n), are slower; Jacobians that are not finite are ignored."""
-        finite = jacobians[np.isfinite(jacobians).all(axis=(-2, -1))]
-        if is_bounded(finite, self.scale, rate):
-            return True
-        return bool(np.abs(np.linalg.eigvals(finite)).max(initial=0.0) <= rate)
+    def is_slower_than(self, rate: Array | float, jacobians: Array) -> Any:
+        """Return True where all modes of other Jacobians, shape (…, k, n, n), are slower; Jacobians that are not finite are ignored."""
+        whole: Any = np.isfinite(jacobians).all(axis=(-2, -1))
+        finite = np.where(whole[..., None, None], jacobians, 0.0)
+        units = self.scale[..., None, None, :] / self.scale[..., None, :, None]
+        slower: Any = np.asarray(
+            np.abs(finite * units).sum(axis=-1).max(axis=(-2, -1), initial=0.0) <= rate
+        )  # by a bound
+        if not slower.all():
+            rates = np.abs(np.linalg.eigvals(finite[~slower])).max(axis=(-2, -1), initial=0.0)
+            slower[~slower] = rates <= np.asarray(rate)[~slower]
+        return slower
 
     def of(self, row: int) -> FreeResponse:
         """Return one of several motions."""
         return FreeResponse(*(x[row] for x in (self.amplitudes, self.inverse, self.scale, self.fastest, self.matrix)))
-
-
-def is_bounded(jacobians: Array, scale: Array, rate: Array | float) -> Any:
-    """Return True where a bound of the modes of Jacobians, shape (…, k, n, n), in units of a scale (…, n), shows that all are slower."""
-    units = scale[..., None, None, :] / scale[..., None, :, None]
-    return np.abs(jacobians * units).sum(axis=-1).max(axis=(-2, -1), initial=0.0) <= rate
 
 
 def item_by_item(function: Callable[..., Any], *stacks: Array) -> Any:
@@ -73,6 +73,11 @@ def item_by_item(function: Callable[..., Any], *stacks: Array) -> Any:
     except np.linalg.LinAlgError:
         if stacks[0].ndim == 2:
             return np.full(stacks[-1].shape, np.nan)
+        regular = np.linalg.slogdet(stacks[0])[0] != 0
+        if not regular.all():
+            found = np.full(stacks[-1].shape, np.nan, dtype=stacks[-1].dtype)
+            found[regular] = item_by_item(function, *(stack[regular] for stack in stacks))
+            return found
         return np.array([item_by_item(function, *items) for items in zip(*stacks, strict=True)])
 
 

@@ -156,7 +156,7 @@ class PilotRun:
         far = reach(self.state)
         there = np.array([self.state + far, self.state - far])
         found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
-        return reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found)
+        return bool(reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found))
 
     def _loop(self, reach: FreeResponse | None, choice: Choice | None) -> CompiledPilotRun:
         """Return the loop over steps of the source; it returns after each step that needs a projection."""

@@ -26,7 +26,7 @@ def terms_of_outputs(
 ) -> Any:
     """Return the largest term (..., outputs) of a state or unknown in each output, its slope times its value, at some instants; 0 without states.
 
-    `output`: of instants (places,), states (..., places, moves, n) and a mode; `states`: (..., points, n).
+    `output`: of instants (k,), states (..., k, n) and a mode; `states`: (..., points, n).
     """
     lengths = [s.stop - s.start for s in segments]
     longest = segments[lengths.index(max(lengths))]
@@ -35,7 +35,9 @@ def terms_of_outputs(
     if not begin < end <= points or not 0 < count <= MOST_STATES:
         return 0.0
     places = [int(begin + place * (end - begin)) for place in PLACES]
-    values = output(instants[places], states[..., places, None, :] * _moves(count), longest.mode)
+    moved = states[..., places, None, :] * _moves(count)
+    flat = moved.reshape(*moved.shape[:-3], -1, count)  # machine code takes one row after another
+    values = output(instants[places].repeat(count + 1), flat, longest.mode).reshape(*moved.shape[:-1], -1)
     return np.abs(values[..., 1:, :] - values[..., :1, :]).max(axis=(-3, -2)) / STEP
 
 
@@ -48,8 +50,17 @@ def _moves(count: int) -> Array:
 def doubtful_outputs(values: Array, terms: Any, accuracy: float) -> tuple[BoolArray, Array]:
     """Return a mask (..., outputs) of those of whose size the `accuracy` of the terms leaves a tenth or more in doubt, and the sizes; `values`: (..., points,
     outputs)."""
-    largest = np.abs(values).max(axis=-2, initial=0.0)
+    largest = _largest(values)
     return (largest < DOUBTED * accuracy * terms) & (largest > ZERO * terms), largest
+
+
+def _largest(values: Array) -> Any:
+    """Return the largest absolute value of each output, shape (..., outputs); by halves, as short rows one by one take numpy ten times as long."""
+    sizes = np.abs(values if values.shape[-2] else np.zeros((*values.shape[:-2], 1, values.shape[-1])))
+    while (count := sizes.shape[-2]) > 1:
+        half = (count + 1) // 2
+        sizes = np.maximum(sizes[..., :half, :], sizes[..., count - half :, :])
+    return sizes[..., 0, :]
 
 
 def doubts_on_outputs(names: Sequence[str], values: Array, terms: Any, accuracy: float, begin: float) -> tuple[ToleranceDoubt, ...]:  # fmt: skip
