@@ -14,7 +14,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(.*?
 
 def quantity(text: str | float, unit: str, what: str) -> float:
     """Return the value in SI of a text, or of a number in SI; `unit` is one of its kind. Raises `UsageError`, with `what` for the purpose."""
-    from compiler.api import CompilationFailed, Source, read_unit
+    from compiler.api import CompilationFailed, Source, counts_radians, read_unit
 
     if not isinstance(text, str):
         return float(text)
@@ -25,7 +25,8 @@ def quantity(text: str | float, unit: str, what: str) -> float:
             if not own:
                 return float(number)
             scale = read_unit(Source(what, own))
-            if scale.dimension == read_unit(Source(what, unit)).dimension and math.isfinite(scale.to_si(number)):
+            fits = scale.dimension == read_unit(Source(what, unit)).dimension
+            if fits and math.isfinite(scale.to_si(number)) and not (unit == "Hz" and counts_radians(own)):
                 return scale.to_si(number)
         except (CompilationFailed, OverflowError):
             pass  # no unit, or too large: the same error as for a unit of another kind

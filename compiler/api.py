@@ -87,7 +87,7 @@ if TYPE_CHECKING:
     from .semantics import MAXIMUM_PARTS
     from .semantics.expressions.expression_compiler import MEMORIES
     from .semantics.expressions.functions import FUNCTIONS
-    from .semantics.expressions.scales import scale_of
+    from .semantics.expressions.scales import counts_radians, scale_of
     from .semantics.expressions.tables import USAGE as TABLE_USAGES
     from .semantics.expressions.unit import read_unit
     from .semantics.expressions.vectors import VECTORS

@@ -140,7 +140,7 @@ def hertz(given: str | float) -> float:
 @lru_cache(maxsize=256)  # called again at each point of a sweep
 def _number(where: str, text: str, unit: str) -> float | None:
     """Return a number in SI, written bare or in a unit of the same kind as `unit`; None if the text is not a number."""
-    from compiler.api import CompilationFailed, Literal, Source, parse_expression, read_unit
+    from compiler.api import CompilationFailed, Literal, Source, counts_radians, parse_expression, read_unit
 
     try:
         tree = parse_expression(Source(where, text))
@@ -148,7 +148,7 @@ def _number(where: str, text: str, unit: str) -> float | None:
             if tree.unit is None:
                 return float(tree.number)
             scale = read_unit(Source(where, tree.unit.span.text))
-            if scale.dimension == read_unit(Source(where, unit)).dimension:
+            if scale.dimension == read_unit(Source(where, unit)).dimension and not counts_radians(tree.unit.span.text):
                 return scale.to_si(tree.number)
     except CompilationFailed:
         pass  # no expression, or no unit: the same answer as for a number of another kind

@@ -100,7 +100,7 @@ def _name_and_unit(head: str) -> tuple[str, str | None]:
 def _column(
     file: str, place: int, head: str, rows: Sequence[tuple[int, Sequence[str]]], units: Mapping[str, str]
 ) -> tuple[str, Array]:
-    from compiler.api import CompilationFailed, Source, read_unit
+    from compiler.api import CompilationFailed, Source, counts_radians, read_unit
 
     name, own = _name_and_unit(head)
     bare = name.removeprefix(SIGMA)
@@ -121,7 +121,7 @@ def _column(
         scale, wanted = (read_unit(Source(f"heading `{name}`", u)) for u in (own or "1", kind))
     except CompilationFailed:
         raise UsageError("BR425", f"{file}: `{own}` in the heading of `{name}` is no unit") from None
-    if scale.dimension != wanted.dimension:
+    if scale.dimension != wanted.dimension or (kind == "Hz" and counts_radians(own or "")):
         told = f"in {own}" if own else "without a unit"
         raise UsageError("BR426", f"{file}: `{name}` is in {kind}; it stands there {told}")
     if name != bare and scale.offset:

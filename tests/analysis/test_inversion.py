@@ -105,6 +105,47 @@ def test_command(tmp_path: Path) -> None:
     assert "stable" in CliRunner().invoke(commands, arguments).output
 
 
+CARRIED = {
+    "magnet": (
+        """model A { input i = 0 A
+  MSe magnet : F = -2e-4 [N*m^2/A^2]*i^2/gap^2
+  Se weight : F = 0.5 N
+  I ball : p = 0.05 kg*v
+  signal gap = integral(ball.v, 8 mm)
+  weight -> 1(magnet) -> ball
+  output g = gap }""",
+        {"g": "5 mm"}, ("i",), {"i": math.sqrt(0.5 * 25e-6 / 2e-4)},
+    ),
+    "arm": (
+        """model A { input low = 0 [N*m], high = 0 [N*m]
+  multibody w : planar { gravity = (0, -10 [m/s^2])
+    body a { mass = 1 kg, inertia = 0.05 [kg*m^2], at = (0.3 m, 0) }
+    body b { mass = 0.5 kg, inertia = 0.02 [kg*m^2], at = (0.9 m, 0) }
+    hinge h : ground to a { at = (0, 0), start phi = 30 deg }
+    hinge k : a to b { at = (0.6 m, 0), start phi = 40 deg }
+    frame tip : b { at = (1.2 m, 0) }
+  }
+  MSe p : M = low
+  MSe q : M = high
+  p -> w.h
+  q -> w.k
+  output x = w.tip.x, y = w.tip.y }""",
+        {"x": "0.6 m", "y": "0.6 m"}, ("low", "high"), {"low": 6.0, "high": 0.0},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CARRIED)
+def test_what_does_not_rest_without_its_input_is_held_from_the_start(case: str) -> None:
+    """A ball under a magnet falls without current; an arm hangs straight without torques, where none of small size moves its tip up."""
+    text, targets, inputs, expected = CARRIED[case]
+    found = bondgraph.load(text).invert(targets, inputs)
+    assert {n: abs(v) for n, v in found.inputs.items()} == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert found.outputs == pytest.approx(
+        {n: float(v.split()[0]) * (1e-3 if "mm" in v else 1) for n, v in targets.items()}
+    )
+
+
 def test_refused() -> None:
     model = bondgraph.load(SPRING)
     with pytest.raises(UsageError, match="want as many inputs or pairs"):

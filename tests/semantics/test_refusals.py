@@ -21,10 +21,26 @@ def told(text: str) -> list[tuple[str, str, str, str]]:
 
 def test_decibels_are_ratios_of_amplitudes() -> None:
     found = numbers("model A { output a = 20 dB, b = -6 dB, c = 5990 dB, d = 0 dB }")
+    negated = numbers("model A { output a = -(20 dB), b = 2*-(-20 dB), c = -(20 degC), d = 300 K + -20 degC }")
+    assert negated == pytest.approx({"a": -10, "b": -0.2, "c": -293.15, "d": 553.15})
     assert found == {"a": 10.0, "b": pytest.approx(10**-0.3, rel=1e-15), "c": pytest.approx(10**299.5), "d": 1.0}
     for number in ("6000 dB", "7000 dB"):
         ((code, place, sentence, _),) = told(f"model A {{ output a = {number} }}")
         assert (code, place) == ("BG003", number) and sentence.startswith(f"The number {number} is beyond")
+
+
+@pytest.mark.parametrize(
+    ("angle", "cycles"),
+    [("10 rad/s", "1.591549431"), ("90 rpm", "1.5"), ("90 [deg/s]", "0.25"), ("2 [rev/min]", "0.03333333333")],
+)
+@pytest.mark.parametrize(
+    "step", ["bandwidth {}; simulate 0 .. 1 s", "response a to b over {} .. 1 kHz", "response a to b over 1 mHz .. {}",
+             "set a = chirp(time, {}, 1 kHz, 1 s)", "set a = chirp(time, 1 Hz, {}, 1 s)"],
+)  # fmt: skip
+def test_a_rate_of_an_angle_is_no_frequency_where_cycles_are_counted(angle: str, cycles: str, step: str) -> None:
+    text = f"model A {{ input a = 0; output b = integral(a - b, 0 s)/1 s; experiment e {{ {step.format(angle)} }} }}"
+    said = (f"A frequency counts cycles here, and `{angle}` an angle", f"Write `{cycles} Hz`.")
+    assert told(text) == [("BG103", angle, *said)]
 
 
 def test_a_number_that_is_too_large_is_quoted_by_its_beginning() -> None:

@@ -370,7 +370,7 @@ def test_many_runs_are_as_single_ones() -> None:
     assert many[1].truncation == model.simulate("off", to="0.02 s", bandwidth="1 kHz").truncation
 
 
-@pytest.mark.parametrize("wrong", ["50 kg", "-1 Hz", "fast", 0.0, "1 Hz + 2 Hz"])
+@pytest.mark.parametrize("wrong", ["50 kg", "-1 Hz", "fast", 0.0, "1 Hz + 2 Hz", "600 rpm", "9 rad/s"])
 def test_what_is_no_bandwidth(wrong: str | float) -> None:
     with pytest.raises(UsageError, match="is no bandwidth: write `50 kHz`"):
         bondgraph.load(LOOP).simulate("off", bandwidth=wrong)

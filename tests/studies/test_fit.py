@@ -182,7 +182,7 @@ def test_bounds_hold_and_are_told(model: Any) -> None:
         ("x\n1\n", "stands there without a unit"), ("x [floob]\n1\n", "is no unit"), ("load [N],x [mm]\n1,nan\n", "line 2: `nan` in the column `x` is no number"),
         ("load [N],x [mm]\n1,abc\n", "`abc` in the column"), ("load [N],x [mm]\n1,2\n,3\n", "`load` is not given in every line"), ("x [mm],x [mm]\n1,2\n", "two columns are called"),
         ("load [N],x [mm]\n1,2,3\n", "line 2: as many fields"), ("load [N]\n1\n", "nothing is measured"), ("x [mm],sigma x [mm]\n1,0\n", "not above zero"),
-        ("x [mm],sigma v [mm]\n1,1\n", "the model has no `v`"), ("load [N],x [mm]\n1,\n", "the column `x` is empty"), ("frequency 1 [m]\n3\n", "is in Hz"), ("x [mm],sigma x [mm]\n1,\n", "not above zero"),
+        ("x [mm],sigma v [mm]\n1,1\n", "the model has no `v`"), ("load [N],x [mm]\n1,\n", "the column `x` is empty"), ("frequency 1 [m]\n3\n", "is in Hz"), ("frequency 1 [rpm]\n3\n", "is in Hz; it stands there in rpm"), ("x [mm],sigma x [mm]\n1,\n", "not above zero"),
         ("k [N/m],x [mm]\n100,1\n", "`k` is fitted, and set line by line"), ("frequency 7 [Hz]\n3\n", "no `frequency 7`: fewer modes move"),
     ],
 )  # fmt: skip

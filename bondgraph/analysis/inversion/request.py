@@ -36,11 +36,15 @@ def inverted(
     if to is None:
         wanted = asked_for(model, targets, asked.experiment)
         request = replace(asked, outputs=tuple(wanted), by=names)
-        try:
-            point = operating_point(model, request)
-        except RunFailed:  # the values that the text gives to what is searched may be beyond all rests
-            point = operating_point(model, replace(request, settings={**dict.fromkeys(names, 0.0), **fixed}))
-        return invert(point, wanted, drives)
+        # The values that the text gives to what is searched may be beyond all rests, and zeros, too: a magnet that lifts has none without current.
+        zero = replace(request, settings={**dict.fromkeys(names, 0.0), **fixed})
+        failures = []
+        for begin in (request, zero, replace(request, state="start")):
+            try:
+                return invert(operating_point(model, begin), wanted, drives)
+            except RunFailed as failed:
+                failures.append(failed)
+        raise failures[0]
     known = model.compilation(model.scene(asked.experiment, fixed)).whole_graph.quantities
     # unknown names are refused later
     most = {n: quantity(v, known[n].unit, n) if n in known else 0.0 for n, v in (along.get("limits") or {}).items()}

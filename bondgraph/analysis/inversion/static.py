@@ -37,6 +37,7 @@ CLOSE = 1e-14  # relative to the magnitudes
 ENOUGH = 1e-9
 REFINED = 3  # solutions, each of what those before leave
 BESIDE = (1.0, 1e-3, 1e-6)  # of a probe: values of inputs from which a search begins that gets nowhere from zero
+LARGEST_TURN = 1.0  # rad: most by which an angle of a mechanism misses its tangent in a stage: more may be another branch, or whole turns
 STAGES = 64  # most stages from the first equilibrium to the targets
 
 
@@ -100,6 +101,9 @@ class Search:
         self.point, self.rows = point.one_sided(), list(rows)
         self.drives = [self._with_power(self.point, d) for d in drives]
         self.strengths = np.array([self._strength(point, d) for d in self.drives])
+        names, units = point.program.states.names, point.program.states.units
+        of_mechanisms = tuple(f"{name}." for name in point.compilation.facts.mechanisms)
+        self.angles = [i for i, n in enumerate(names) if units[i] == "1" and n.startswith(of_mechanisms)]
         self.conserved = point.conserved  # conserved sums of the states, which stay constant
         self.held = self.conserved @ point.state[: point.count]
 
@@ -166,7 +170,8 @@ class Search:
     def newton(self, wanted: Array) -> tuple[OperatingPoint, Any] | None:
         """Return the point and strengths with these outputs; None if Newton's method does not find them from here."""
         strengths, state, before = np.array(self.strengths), np.array(self.point.state), math.inf
-        for _ in range(ITERATIONS):
+        tangent = state
+        for i in range(ITERATIONS):
             try:
                 point = self.point.elsewhere(self.settings(strengths), state)
                 step = self._step(point, strengths, wanted)
@@ -176,9 +181,12 @@ class Search:
                 return None
             change, moved, norm = step
             state, strengths = point.state + change, strengths + moved
+            tangent = tangent if i else state
             if any(s < 0 for s, d in zip(strengths, self.drives, strict=True) if d.pull is None and d.power == 2):
                 return None  # a square cannot be negative
             if norm < CLOSE or (norm < ENOUGH and norm >= 0.5 * before):
+                if (np.abs(state - tangent)[self.angles] > LARGEST_TURN).any():
+                    return None
                 return self._checked(self.settings(strengths), state, strengths, wanted)
             before = norm
         return None

@@ -12,7 +12,7 @@ from ...scene import Analysis, Fitting, Inverting, Override, Plan, Reported, Sce
 from ...solvers import SOLVERS
 from ...source import Source, Span
 from ...syntax import parse_expression, tree
-from ..expressions.scales import scale_of
+from ..expressions.scales import check_cycles, scale_of
 from ..names.errors import (
     AbsentName,
     DimensionMismatch,
@@ -221,6 +221,7 @@ def _bandwidth(elaborator: Elaborator, step: tree.Bandwidth, root: Scope, plan: 
     if plan.bandwidth is not None:
         hint = "Write one, or a second experiment."
         raise Wrong(WrongExperiment(step.span, "A second `bandwidth` in one experiment", hint))
+    check_cycles(step.value)
     value = elaborator.static(step.value, root, "A bandwidth", ONE if root.plain else ONE / SECOND)
     if value <= 0:
         hint = "Write `bandwidth 50 kHz`: what is faster need not be followed."

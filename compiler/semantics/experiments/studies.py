@@ -10,7 +10,7 @@ from ...scene import Plan, Study, Swept
 from ...syntax import tree
 from ...syntax.blocks import flat
 from ..expressions.lists import parts_of
-from ..expressions.scales import scale_of
+from ..expressions.scales import check_cycles, scale_of
 from ..names.domain_table import paths_of
 from ..names.errors import UnknownName, WrongExperiment, WrongValue
 from ..names.scope import Scalar, Scope
@@ -81,6 +81,7 @@ def read_response(elaborator: Elaborator, step: tree.Analysis, root: Scope, outp
         hint = suggestion(seen, list(outputs), f"Outputs: {', '.join(outputs) or 'none'}.")
         raise Wrong(UnknownName(target.span, seen, "the outputs", hint))
     assert step.range is not None
+    check_cycles(step.range.first, step.range.last)
     cycles = ONE if root.plain else ONE / SECOND
     low = elaborator.static(step.range.first, root, "The lowest frequency", cycles)
     high = elaborator.static(step.range.last, root, "The highest frequency", cycles)

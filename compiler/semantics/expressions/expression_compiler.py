@@ -158,11 +158,12 @@ class ExpressionCompiler:
                 return self._sum(node)
             case tree.Product():
                 return self._product(node)
-            case tree.Negative(operand=tree.Literal() as literal):
-                return self._literal(literal, -literal.number)  # -20 degC and -20 dB are not 20 of them, negated
+            case tree.Negative(operand=tree.Literal() as literal) if (
+                literal.unit is None or "(" not in literal.span.text
+            ):
+                return self._literal(literal, -literal.number)  # -20 dB is not 20 dB, negated, which -(20 dB) is
             case tree.Negative():
-                value = self.value(node.operand)
-                return each(lambda t: negated(self._number(t, node.span)), value)
+                return each(lambda t: negated(self._number(t, node.span)), self.value(node.operand))
             case tree.Power():
                 return self._power(node)
             case tree.VectorSyntax():

@@ -13,6 +13,7 @@ from ...graph.units import ONE, Dimension
 from ...syntax import tree
 from ..names.errors import DimensionMismatch
 from ..names.statement_errors import Wrong, describe
+from .scales import check_cycles
 from .template import Typed, Value, common_dimension
 
 # name -> (number of arguments, usage, builder)
@@ -126,6 +127,7 @@ _SMOOTH: dict[int, Callable[[Expression], Expression]] = {
 def _chirp(node: tree.Call, arguments: list[Typed]) -> Typed:
     t, f0, f1, t1 = arguments
     places = [a.span for a in node.arguments]
+    check_cycles(*node.arguments[1:3])
     time = common_dimension([(t, places[0]), (t1, places[3])], "The times of `chirp` need one unit")
     frequency = common_dimension([(f0, places[1]), (f1, places[2])], "The frequencies of `chirp` need one unit")
     if time is not None and frequency is not None and time * frequency != ONE:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import re
+
 from ...graph.units import ONE, UNITS, Scale
 from ...syntax import tree
-from ..names.errors import UnknownUnit
+from ..names.errors import DimensionMismatch, UnknownUnit
 from ..names.foreign_words import unit_advice
 from ..names.statement_errors import Wrong, suggestion
 
@@ -43,6 +46,20 @@ def _scale_of(unit: tree.Unit) -> Scale:
 def is_absolute(unit: tree.Unit) -> bool:
     """Return True for a unit of temperature with an offset from 0 K."""
     return any(UNITS[symbol].offset for symbol, _, _ in unit.factors if symbol in UNITS)
+
+
+def counts_radians(unit: str) -> bool:
+    """Return True for the text of a unit that has an angle: rad/s and rpm are no frequencies where cycles are counted."""
+    return re.search(r"(rad|rev|deg|rpm)\b", unit) is not None
+
+
+def check_cycles(*frequencies: tree.ExpressionSyntax) -> None:
+    """Raise `Wrong` if one of some frequencies, which count cycles, is written as a rate of an angle."""
+    for node in frequencies:
+        if isinstance(node, tree.Literal) and node.unit is not None and counts_radians(node.unit.span.text):
+            cycles = scale_of(node.unit).to_si(node.number) / (2 * math.pi)
+            what = f"A frequency counts cycles here, and `{node.span.text}` an angle"
+            raise Wrong(DimensionMismatch(node.span, what, f"Write `{cycles:.10g} Hz`."))
 
 
 def _unit_advice(symbol: str) -> str:

@@ -16,7 +16,9 @@ from ...syntax import SyntaxTree, tree
 from ...syntax.blocks import nodes_in
 from ...syntax.build import MAXIMUM_UNIT_POWER
 
-_CANDIDATE = re.compile(r"\d\s*[A-Za-z%\u03a9\u2126\u00b5\u03bc]+\s*(?:[*/]\s*([A-Za-z]\w*)\b(?!\s*[.(\[])|(\^))")
+_CANDIDATE = re.compile(
+    r"\d\s*[A-Za-z%\u03a9\u2126\u00b5\u03bc]+\s*(?:[*/]\s*([A-Za-z]\w*)\b(?!\s*(?:\.(?!\.)|[(\[]))|(\^))"
+)
 Value = TypeVar("Value")
 _SIGNS = {1: "*", -1: "/"}
 # Parts are read with a point only, so `9.81 m/s^2` is clear beside an element `m`.
