@@ -77,6 +77,40 @@ def test_two_tanks_level_out(second: float, target: str) -> None:
     )  # from 2.5 the levels end on rounding of their sum, and steps are short there
 
 
+@pytest.mark.parametrize(("c", "solver"), [(1e-12, "radau"), (1e-13, "rodas"), (1e-15, "radau")])
+@pytest.mark.parametrize("law", ["sign(P)*sqrt(abs(P)/1 Pa)", "sqrt(P/1 Pa) if P > 0 Pa else -sqrt(-P/1 Pa)"])
+def test_a_stiff_volume_passes_the_infinite_slope_of_an_orifice(law: str, c: float, solver: str) -> None:
+    """A flow a t through zero: V = B t^2 with 2 B = a - k sqrt(B/c) behind it, and before it the same with -k. The law does not jump where its sign does."""
+    a, k = 2e-4, 1e-7
+    before, behind = (float(np.roots([2, side * k / c**0.5, -side * a]).real.max() if side > 0 else
+                            np.roots([2, side * k / c**0.5, -side * a]).real.min()) ** 2 for side in (-1, 1))  # fmt: skip
+    text = f"""model Volume {{
+      Sf pump : Q = {a} [m^3/s^2]*(time - 0.5 s)
+      C volume : P = V/{c} [m^3/Pa] {{ start V = {-before / 4!r} [m^3] }}
+      R o : Q = {k} [m^3/s]*({law})
+      0 n : hydraulic
+      pump -> n
+      n -> volume, o
+      output V = volume.V
+    }}"""
+    found = bondgraph.load(text).simulate(to=1, points=11, solver=solver)
+    late = found.time - 0.5
+    expected = np.where(late > 0, behind, -before) * late**2
+    np.testing.assert_allclose(found["V"], expected, rtol=0, atol=1e-7 * behind)
+
+
+def test_dry_friction_beside_a_root_stays_refused() -> None:
+    """The root vanishes at zero, the small dry part does not: no motion leads away, and nothing says that the mass sticks."""
+    text = """model Stuck {
+      I m : p = 1 kg*v
+      Se push : F = 1e-3 [N/s]*time - 5e-4 N
+      R rub : F = sign(v)*(1e-2 N + 5 N*sqrt(abs(v)/1 [m/s]))
+      push -> 1(m, rub)
+    }"""
+    with pytest.raises(bondgraph.errors.RunFailed, match="slides along"):
+        bondgraph.load(text).simulate(to=1)
+
+
 FORMS = [  # with `if`, without
     ("x if x > 0 else 0", "max(x, 0)"),
     ("x^2 if x > 0 else 0", "max(x, 0)^2"),

@@ -18,6 +18,7 @@ from ...errors import RunFailed
 from ..integrators.acceptance.event_indicators import REACHES
 from .indicators import EventIndicators, HybridState
 
+VANISHES = 0.8  # ratio of differences of two laws at two reaches: a root of the twentieth order has it, a jump has 1
 CLOSE = 1e-9  # relative to the magnitudes: rates and unknowns that agree so well are equal
 
 
@@ -37,6 +38,8 @@ def settled(indicators: EventIndicators, at: HybridState) -> HybridState:
             if between is None and _is_alike(indicators, now, trail[seen[key] :]):
                 indicators.floor[flipping] = 4 * indicators.noise(now)[flipping]
                 return now
+            if between is None:
+                between = _onwards(indicators, now, flipping)
             if between is None:
                 raise _sliding(indicators, at.time, flipping)
             return between
@@ -80,6 +83,33 @@ def _between(indicators: EventIndicators, at: HybridState, conditions: IntArray)
     if (indicators.just_after(rest) == (mode[indicators.places] == 1.0)).all():
         return rest
     return rest if _stands(indicators, rest, conditions) else None
+
+
+def _onwards(indicators: EventIndicators, at: HybridState, conditions: IntArray) -> HybridState | None:
+    """Return the mode into which the motion leads from where the sides of these conditions are equal, if their laws go through zero there.
+
+    A law may be so steep (a root) that what it is at a state that is zero but for rounding leads back from either side.
+    """
+    rest, ahead = at.mode.copy(), at.mode.copy()
+    rest[indicators.places[conditions]] = indicators.truth(np.zeros(len(indicators.places)))[conditions]
+    now = indicators.solved(HybridState(at.time, at.state, rest))
+    flow = indicators.flow(now)
+    if flow is None:
+        return None
+    ahead[indicators.places[conditions]] = indicators.just_after(now)[conditions]
+    differences: list[Any] = []
+    for reach in REACHES[1:]:
+        state = np.array(now.state)
+        state[: indicators.count] += reach * flow[1] * flow[0]
+        one, other = (indicators.flow(indicators.solved(HybridState(at.time, state, mode))) for mode in (rest, ahead))
+        if one is None or other is None:
+            return None
+        differences.append(np.abs(other[0] - one[0]))
+        if len(differences) > 1 and not (differences[-2] <= VANISHES * differences[-1]).all():
+            return None
+    noise = indicators.noise(now)
+    indicators.floor[conditions] = np.maximum(4 * noise, indicators.tolerated(noise))[conditions]
+    return indicators.solved(HybridState(at.time, at.state, ahead))
 
 
 def _stands(indicators: EventIndicators, at: HybridState, conditions: IntArray) -> bool:
