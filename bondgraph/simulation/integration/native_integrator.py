@@ -23,9 +23,11 @@ from ..segments.timeline import Segment
 from .cut import is_sure
 from .poses import beyond, chosen_anew
 
+MOST_OVER = 1000  # most steps of a run over instants at which a law of a loop is flat
 LARGEST_SPARE = 64  # most states of a workspace that is left to the next run
 
 if TYPE_CHECKING:
+    from ..constraints.crossing import Crossed
     from ..segments.trajectory import Tolerances
     from .integration_state import IntegrationState
     from .passed_events import PassedEvents
@@ -103,6 +105,7 @@ class NativeIntegrator:
         """`size`: of all steps, for a method with equal steps."""
         self.stepper, self.stretch, self.first = stepper, stretch, stepper.position
         self.tolerances: Tolerances = stepper.tolerances
+        self.steps_over = 0  # steps over instants at which a law of a loop is flat
         self.noted = False  # True while the checkpoint before the last step is stored
         self.passed = 0  # number of steps after which Python has acted
         self.events: PassedEvents | None = None
@@ -211,11 +214,33 @@ class NativeIntegrator:
             told = stepper.failed(self.solver, failed.what, self.stretch.mode)
             if isinstance(told, StepsCollapsed) and stepper.flips_just_ahead(told, self.stretch):
                 return FINISHED
+            if isinstance(told, StepsCollapsed) and self._steps_over(told):
+                return MORE
             raise told from None
         finally:
             if passed is not None:
                 self.stretch = passed.take_over()
                 self.noted = False
+
+    def _steps_over(self, told: StepsCollapsed) -> bool:
+        """Go on behind an instant at which a law of a loop is flat; False if nothing leads on."""
+        from .flat_laws import step_over
+
+        state = self._state
+        step = step_over(self.stepper, told, state, self.stretch) if self.steps_over < MOST_OVER else None
+        if step is None:
+            return False
+        self.steps_over += 1
+        self._note()
+        self._go_beyond(step, state, step.size)
+        return True
+
+    def _go_beyond(self, step: Crossed, state: Array, size: float) -> None:
+        """Go on behind a step made by other means, with a first step no longer than `size`. `state`: before it."""
+        stepper, solver = self.stepper, self.solver
+        stepper.position, stepper.traffic = solver.position, solver.traffic
+        solver.begin_again(step.start + step.size, beyond(stepper, step, state, self.stretch), size)
+        stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
 
     def _look(self) -> list[int]:
         """Check the limits of the model in the last step; return those that are violated."""
@@ -346,7 +371,4 @@ class NativeIntegrator:
         if crossed is None:
             solver.record.tried = watcher.tried
             return
-        stepper.position, stepper.traffic = solver.position, solver.traffic
-        after = beyond(stepper, crossed, state, stretch)
-        solver.begin_again(crossed.start + crossed.size, after, min(wish, NEAR * 0.5 * crossed.size))
-        stepper.result.work = solver.went_on(stepper.position, stepper.result.work, stepper.traffic)
+        self._go_beyond(crossed, state, min(wish, NEAR * 0.5 * crossed.size))

@@ -218,7 +218,7 @@ class LoopSolver:
     def solved(self, times: Array, states: Array, mode: Array, places: IntArray | slice = slice(None), many: bool = False) -> tuple[Any, Any]:  # fmt: skip
         """Return states with the unknowns by Newton's method, damped by halving, until the correction is round-off, each from its own; and a mask of
         those that are solved. `many`: they are guesses for one state, of which some arrive."""
-        times, results = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float)
+        times, results = np.ascontiguousarray(times, dtype=float), np.array(states, dtype=float, order="C")
         masks = np.zeros(len(times), dtype=np.int64)
         alike = [slice(None)] if self.inputs.ndim == 1 else [slice(k, k + 1) for k in range(len(times))]
         for rows in alike if len(times) else ():

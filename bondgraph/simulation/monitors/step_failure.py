@@ -60,7 +60,7 @@ def failure(context: SegmentContext, solver: LastStep, what: str, mode: Array, e
         found = limiting_mode(context, float(stop), state, mode, float(stop - start), np.array(solver.error))
     limit = "" if found is None else f". The steps follow {found}: {advice(found, explicit)}"
     error = _cause(context, solver, what, (state, slope), f"{most} steps", limit).at(solver.time, state, mode)
-    if what in ("newton", "error"):
+    if what in ("newton", "error") or (what == "round-off" and len(program.unknowns.names)):
         error.ahead = ahead(program, tolerances, context.whole, solver.time, state, slope)
     return error
 
