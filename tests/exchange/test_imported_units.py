@@ -63,6 +63,17 @@ def description(tmp_path_factory: pytest.TempPathFactory) -> str:
         return archive.read("modelDescription.xml").decode()
 
 
+def without_steps(path: Path) -> None:
+    """Leave model exchange alone in the description of a unit."""
+    with zipfile.ZipFile(path / "unit.fmu") as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    pattern = rb"<CoSimulation([^>]*/>|.*?</CoSimulation>)"
+    parts["modelDescription.xml"] = re.sub(pattern, b"", parts["modelDescription.xml"], flags=re.DOTALL)
+    with zipfile.ZipFile(path / "unit.fmu", "w") as archive:
+        for name, data in parts.items():
+            archive.writestr(name, data)
+
+
 def importing(path: Path, name: str, uses: str, outputs: str, to: str) -> object:
     text = f'import {name} from "unit.fmu"\nmodel Uses {{\n  {name} u {{ {uses} }}\n  output {outputs}\n  experiment e {{ simulate 0 .. {to} {{ points = 41 }} }}\n}}'
     return bondgraph.load(written(text, path)).simulate()
@@ -83,7 +94,9 @@ def test_a_model_in_a_unit_runs_as_the_model_itself(
     assert "co-simulated in steps of 0.01 s" in found.notes[0] and found.unit(outputs[0]) == mine.unit(outputs[0])
 
 
-def test_a_bouncing_ball_in_a_unit_follows_its_closed_form(tmp_path: Path) -> None:
+@pytest.mark.parametrize("fmi", ["2", "3"])
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_a_bouncing_ball_in_a_unit_follows_its_closed_form(kind: str, fmi: str, tmp_path: Path) -> None:
     """It falls 1 m, then bounces with 0.7: between the first two bounces h = v t - g t^2/2 with v = 0.7*sqrt(2 g)."""
     text = """model Ball {
       parameter bounce = 0.8
@@ -95,13 +108,18 @@ def test_a_bouncing_ball_in_a_unit_follows_its_closed_form(tmp_path: Path) -> No
       when h < 0 m { mass.v = -bounce*mass.v }
       experiment drop { simulate 0 .. 1 s }
     }"""
-    exported(text, tmp_path, fmi="3")
+    exported(text, tmp_path, fmi=fmi)
+    if kind == "ModelExchange":
+        without_steps(tmp_path)
     found = importing(tmp_path, "Ball", "communication_step = 5 ms, bounce = 0.7", "h = u.height", "1 s")
     t = found.time
     fall, v = math.sqrt(2 / 9.81), 0.7 * math.sqrt(2 * 9.81)
     after = t - fall
     closed = np.where(t < fall, 1 - 9.81 / 2 * t**2, v * after - 9.81 / 2 * after**2)
-    assert fall + 2 * v / 9.81 > t[-1] and np.abs(found["h"] - closed).max() < 1e-9
+    assert (
+        fall + 2 * v / 9.81 > t[-1]
+        and np.abs(found["h"] - closed).max() < {"CoSimulation": 1e-9, "ModelExchange": 2e-6}[kind]
+    )
 
 
 @pytest.mark.parametrize("fmi", ["2", "3"])
@@ -127,7 +145,8 @@ def test_a_loop_over_a_unit_is_that_of_a_sampled_controller(fmi: str, tmp_path: 
     assert abs(two - exact) < 0.6 * abs(one - exact) < 1e-2  # of first order in the step
 
 
-def test_behaviour_of_the_reference_units(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_behaviour_of_the_reference_units(kind: str, tmp_path: Path) -> None:
     """Those of the Modelica Association's list, written here: a stair counts each second, what is fed through is one step late."""
     text = """model Reference {
       input continuous_input = 0
@@ -139,11 +158,14 @@ def test_behaviour_of_the_reference_units(tmp_path: Path) -> None:
       experiment e { simulate 0 .. 2 s }
     }"""
     exported(text, tmp_path)
+    if kind == "ModelExchange":
+        without_steps(tmp_path)
     found = importing(tmp_path, "Reference", "communication_step = 25 ms, continuous_input = time/1 s", "n = u.n, y = u.y, y0 = u.y0", "2 s")  # fmt: skip
     assert found["n"].tolist() == [1.0] * 20 + [2.0] * 20 + [3.0]
     assert found["y"] == pytest.approx(np.maximum(found.time - 25e-3, 0.0), abs=1e-12)
     mine = bondgraph.load(text).simulate(points=41, rtol=1e-9)
-    assert found["y0"] == pytest.approx(mine["y0"], abs=1e-7)
+    assert found["y0"] == pytest.approx(mine["y0"], abs={"CoSimulation": 1e-7, "ModelExchange": 2e-6}[kind])
+    assert {"CoSimulation": "co-simulated", "ModelExchange": "integrated by CVode"}[kind] in found.notes[0]
 
 
 def test_units_of_other_scales_are_turned_into_si(tmp_path: Path) -> None:
@@ -185,7 +207,7 @@ def test_what_cannot_hold_a_unit_names_it(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("CoSimulation", "Other", "it has model exchange only"),
+        ("modelIdentifier=", "other=", "it is no functional mock-up unit"),
         ("modelIdentifier=", 'needsExecutionTool="true" modelIdentifier=', "it needs the tool that made it"),
         ('fmiVersion="2.0"', 'fmiVersion="1.0"', "it is no functional mock-up unit"),
         ("<fmiModelDescription", "<!DOCTYPE x><fmiModelDescription", "it is no functional mock-up unit"),
@@ -238,6 +260,18 @@ def test_a_unit_goes_no_further_than_the_run(tmp_path: Path) -> None:
     exported("model Tab { output y = linear(time, (0 s, 1 s), (0, 2))\n experiment e { simulate 0 .. 1 s } }", tmp_path)
     found = importing(tmp_path, "Tab", "communication_step = 0.1 s", "y = u.y", "1 s")
     assert found["y"] == pytest.approx(0.2 * np.floor(found.time / 0.1 + 1e-9), abs=1e-12)
+
+
+def test_a_unit_without_steps_that_fails_or_ends_is_told(tmp_path: Path) -> None:
+    """What fails in the middle of a step of the solver is no number, and `stop when` ends the run with a sentence; nothing behind the end is asked for."""
+    text = "model M { input u = 0\n output y = linear(integral(u/1 s, 0), (0, 1), (0, 2))\n experiment e { simulate 0 .. 1 s; STOP } }"
+    for stop, words in (("", "A table of the model is asked outside"), ("stop when time > 0.15 s", "it asks to end the run")):  # fmt: skip
+        exported(text.replace("STOP", stop), tmp_path, "e")
+        without_steps(tmp_path)
+        found = importing(tmp_path, "M", "communication_step = 0.1 s, u = 1", "y = u.y", "1 s") if not stop else None
+        assert found is None or found.final("y") == pytest.approx(2.0, rel=1e-6)
+        with pytest.raises(RunFailed, match=rf"the unit `u` \(.*unit.fmu\) failed.*{words}"):
+            importing(tmp_path, "M", "communication_step = 0.1 s, u = 3", "y = u.y", "1 s")
 
 
 def test_a_unit_that_fails_is_told_with_its_own_words(tmp_path: Path) -> None:

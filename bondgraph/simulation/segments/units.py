@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from weakref import finalize
 
 from ...errors import MissingPackage, RunFailed
+from .continuous_unit import ContinuousUnit
 
 if TYPE_CHECKING:
     from compiler.api import EventNote, EventRow, Hybrid, UnitDescription, UnitVariable
@@ -55,6 +56,7 @@ class CoSimulatedUnit:
     before: Mapping[str, float] = field(default_factory=dict)  # what the model had there
     messages: list[str] = field(default_factory=list)
     instance: Any = None
+    continuous: ContinuousUnit | None = None  # of model exchange
 
     def exchange(self, time: float, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values that the block sets at a communication point. `values`: as the model has them. Raises `RunFailed`."""
@@ -81,11 +83,13 @@ class CoSimulatedUnit:
 
     def _begin(self, time: float, values: Mapping[str, float]) -> None:
         """Instantiate the unit, and initialize it with its parameters and inputs."""
-        from fmpy.fmi2 import FMU2Slave
-        from fmpy.fmi3 import FMU3Slave
+        from fmpy import fmi2, fmi3
 
         unit, older = self.description, self.description.version == "2.0"
-        make = FMU2Slave if older else FMU3Slave
+        if unit.has_steps:
+            make = fmi2.FMU2Slave if older else fmi3.FMU3Slave
+        else:
+            make = fmi2.FMU2Model if older else fmi3.FMU3Model
         instance = make(
             guid=unit.token, unzipDirectory=self.folder, modelIdentifier=unit.identifier, instanceName=unit.name
         )
@@ -103,6 +107,8 @@ class CoSimulatedUnit:
         finalize(self, _end, instance)
         self._take(unit.of("input"), values)
         instance.exitInitializationMode()
+        if not unit.has_steps:
+            self.continuous = ContinuousUnit(instance, unit, time)
 
     def _take(self, variables: Sequence[UnitVariable], values: Mapping[str, float]) -> None:
         from compiler.api import HELD
@@ -129,6 +135,9 @@ class CoSimulatedUnit:
 
     def _step(self, number: int) -> None:
         start, end = number * self.step, (number + 1) * self.step
+        if self.continuous is not None:
+            self.continuous.step(start, end)
+            return
         answer = self.instance.doStep(start, end - start)
         if answer is not None and answer[1]:
             raise ValueError("it asks to end the run")
@@ -136,9 +145,10 @@ class CoSimulatedUnit:
             raise ValueError("it returned early from a step")
 
     def __str__(self) -> str:
+        how = "co-simulated" if self.description.has_steps else "integrated by CVode"
         return (
             f"`{self.event.owner}` ({PurePath(self.event.span.source.name).name}) is a unit of FMI {self.description.version}, "
-            f"co-simulated in steps of {self.step:g} s: what it takes and what it gives holds for one step, "
+            f"{how} in steps of {self.step:g} s: what it takes and what it gives holds for one step, "
             "which no estimate of an error counts, and no energy balance sees inside of it"
         )
 

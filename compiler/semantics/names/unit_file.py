@@ -21,6 +21,7 @@ from ...source import MAXIMUM_BYTES, Source
 from .scope import RESERVED
 
 STEP, HELD = "communication_step", "held_"
+USUAL_TOLERANCE = 1e-6  # of a unit for model exchange that names none
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 _REAL = {"2.0": ("ScalarVariable", "SimpleType"), "3.0": ("Float64", "Float64Type")}  # elements of variables, of types
 _BOUNDS = {"needsExecutionTool": "needs the tool that made it", "canBeInstantiatedOnlyOncePerProcess": "may be there only once"}  # fmt: skip
@@ -51,7 +52,10 @@ class UnitVariable:
 
 @dataclass(frozen=True, slots=True)
 class UnitDescription:
-    """All that a model and a run need of a unit. `step`: its own communication step in s, if it names one."""
+    """All that a model and a run need of a unit. `step`: its own communication step in s, if it names one.
+
+    `has_steps`: it is for co-simulation; of another one, for model exchange, FMI 2.0 has the numbers of states and event indicators here.
+    """
 
     name: str
     version: str
@@ -60,6 +64,10 @@ class UnitDescription:
     description: str
     step: float | None
     variables: tuple[UnitVariable, ...]
+    has_steps: bool
+    tolerance: float
+    states: int
+    indicators: int
 
     def of(self, *roles: str) -> list[UnitVariable]:
         """Return the variables with one of these roles."""
@@ -107,11 +115,10 @@ def _number(value: float, item: UnitVariable) -> str:
 
 def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
     version, head, stepper = root.get("fmiVersion", "")[:3], root.find("DefaultExperiment"), root.find("CoSimulation")
-    if root.tag != "fmiModelDescription" or version not in _REAL:
+    has_steps = stepper is not None
+    stepper = root.find("ModelExchange") if stepper is None else stepper
+    if root.tag != "fmiModelDescription" or version not in _REAL or stepper is None:
         raise ValueError
-    if stepper is None:
-        hint = "Export it for co-simulation, which most tools can."
-        raise NotImportable("it has model exchange only, and no steps of its own", hint)
     for flag, what in _BOUNDS.items():
         if stepper.get(flag) in ("true", "1"):
             raise NotImportable(f"it {what}", "Export it without that bound.")
@@ -121,9 +128,17 @@ def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
         raise ValueError
     if not any(v.role == "output" for v in variables):
         raise NotImportable("it has no real output", "Nothing in a model could read it.")
-    step = None if head is None or "stepSize" not in head.attrib else float(head.attrib["stepSize"])
-    own = step if step is not None and 0 < step < inf else None
-    return UnitDescription(_NewNames().new(name), version, token, identifier, _text(root), own, variables)
+    facts = {} if head is None else head.attrib
+    step, tolerance = (float(facts.get(fact, "0")) for fact in ("stepSize", "tolerance"))
+    own = step if 0 < step < inf else None
+    states, indicators = (
+        len(root.findall("ModelStructure/Derivatives/Unknown")),
+        int(root.get("numberOfEventIndicators", "0")),
+    )
+    return UnitDescription(
+        _NewNames().new(name), version, token, identifier, _text(root), own, variables,
+        has_steps, tolerance if 0 < tolerance < 1 else USUAL_TOLERANCE, states, indicators,
+    )  # fmt: skip
 
 
 def _variables(root: ElementTree.Element, version: str) -> Iterator[UnitVariable]:
