@@ -11,6 +11,7 @@ from ..algebra.expression import Expression, Number, add, multiply
 from ..fast_dataclass import dataclass
 from .events import LoweredEvents
 from .lowered import Lowered
+from .poles import poles
 
 FIXED, FULL = "constants", "time, state, inputs, constants, mode"
 Results = Sequence[Expression]
@@ -62,6 +63,10 @@ def _power_balance(lowered: Lowered) -> Results | None:
     return total("source", -1.0), total("loss", 1.0), total("storage", 1.0)
 
 
+def _poles(lowered: Lowered) -> Results | None:
+    return poles(() if lowered.space.states else lowered.rates, lowered.moves) or None
+
+
 def _of_events(results: Callable[[LoweredEvents], Results]) -> Callable[[Lowered], Results | None]:
     return lambda lowered: results(lowered.events) if lowered.events.present else None
 
@@ -90,6 +95,7 @@ _ROWS = (
     ProgramFunction("bends", "Zero where a law of states bends.", lambda low: low.bends or None, hot=True),
     ProgramFunction("peaks", "What turns where a law of states may have a narrow peak, then what may be narrow there.",
                     lambda low: low.peaks or None, hot=True),
+    ProgramFunction("poles", "Divisors of the equations of loops, where there are no states.", _poles),
     ProgramFunction("powers", "Power into each port, energies of mechanisms, stored quantities: for an energy balance.", _powers),
     ProgramFunction("power_balance", "Power that sources supply, that resistors dissipate, and that storages take: the first is the sum of the others.",
                     _power_balance),

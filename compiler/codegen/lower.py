@@ -112,7 +112,7 @@ def lower(
     _lower_events(result)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)
     if whole:
-        result.peaks = peaks(result.rates, len(space.states), lambda node: bool(result.dependence(node) & STATE))
+        result.peaks = peaks(result.rates, len(space.states), result.moves)
         narrow = narrow_operations(result.signals, lambda node: bool(result.dependence(node) & TIME))
         result.time_roots = (*time_roots(result.crossings), *narrow)
     return result

@@ -98,6 +98,10 @@ class Lowered:
         """Dependence of an expression, as bits."""
         return dependence_of(x, self._bits)
 
+    def moves(self, x: Expression) -> bool:
+        """Return True for an expression that depends on states or unknowns."""
+        return bool(self.dependence(x) & STATE)
+
     def parameter_values(self, leaf: Leaf) -> float:
         """Default value of a parameter. Raises `ValueError` for a leaf that is no parameter, `ValuesNeeded` if it has no value."""
         if leaf.role != "parameter":

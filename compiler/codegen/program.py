@@ -274,6 +274,8 @@ class Program:
     # as output -> zero where a law of states bends but does not jump; None if none does
     peaks: StateFunction | None = None
     # as output -> what turns where a law of states may have a narrow peak, then what may be narrow there; None if none may
+    poles: StateFunction | None = None
+    # as output -> what the equations of loops divide by, in a model without states; None if there is nothing
     delays: Delays | None = None
     recurring: Callable[[Array], Array] | None = None
     # constants -> value at time 0 and slope of functions linear in time that jump at their integer values; None if none does

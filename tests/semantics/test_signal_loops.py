@@ -292,6 +292,37 @@ def test_extremes_and_runs_with_other_values_along_a_branch() -> None:
     assert [r.final("a") for r in runs] == pytest.approx([w * math.sin(9) + 1 for w in (-4, 5)])
 
 
+PASSING = [  # branches that pass near each other at 0.37 s, the guess, the sign of the root that is followed, and c
+    ("(z - s)*(z + s) = c for z = 0.37", 1, (1e-4, 1e-9, 1e-11, 1e-15)),
+    ("1e6*(z^2 - s^2) = 1e6*c for z = -0.37", -1, (1e-6, 1e-12)),
+    ("z = (s^2 + c)/z for z = 0.37", 1, (1e-3, 1e-8, 1e-13)),  # between them a pole
+    ("y = z - s, (z + s)*y = c for z = -0.37, y = 0", -1, (1e-5, 1e-11)),
+    ("(z - s)*(z + s) = c for z = 0.37", 0, (-1e-4,)),  # no solution between
+    ("z*(z^2 - s^2) = c for z = 0", 0, (1e-9,)),  # a fold with one beside
+]
+
+
+@pytest.mark.parametrize(("equation", "sign", "distances"), PASSING)
+def test_branches_that_pass_near_each_other(equation: str, sign: int, distances: tuple[float, ...]) -> None:
+    """Where they are nearest the branch turns, within a time much shorter than a step: a straight line would arrive at the other one to rounding."""
+    text = f"plain model A {{\n  parameter c = 1e-3\n  signal s = time - 0.37\n  solve {equation}\n  output a = z\n}}\n"
+    model = bondgraph.load(text)
+    for c in distances:
+        if sign:
+            found = model.simulate(to=1, points=4, settings={"c": c}, target="numpy")
+            assert found["a"] == pytest.approx(sign * np.sqrt((found.time - 0.37) ** 2 + c), rel=1e-6)
+        else:
+            with pytest.raises(RunFailed, match="ends, or meets others"):
+                model.simulate(to=1, points=4, settings={"c": c}, target="numpy")
+
+
+@pytest.mark.parametrize(("equation", "line"), [("(z - s)*(z + s) = 0", 0.0), ("(z - 10)^2 = s^2", 10.0)])
+def test_branches_that_cross_are_passed(equation: str, line: float) -> None:
+    text = f"plain model A {{\n  signal s = time - 0.37\n  solve {equation} for z = {line + 0.37}\n  output a = z\n}}\n"
+    found = bondgraph.load(text).simulate(to=1, points=4, target="numpy")
+    assert found["a"] == pytest.approx(line + 0.37 - found.time, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("equation", "end"),
     [

@@ -1,7 +1,9 @@
 """Continuation of a solution of loops in time along its branch: Newton's method from the last solution may arrive at another one that has moved near.
 
-A guess counts where its first correction does nearly all, so that any other solution is many corrections away (Kantorovich), and where the determinant
-keeps its sign, which differs between neighbours. A step counts where, too, it is corrected by little beside its way; else it is halved.
+A guess counts where its first correction does nearly all, so that any other solution is many corrections away (Kantorovich), and where signs are kept that
+differ between neighbours: of the determinant, or, if a pole lies between them, of what is divided by. A step counts where, too, it is corrected by little
+beside its way, and the determinant, where it has fallen, changes little between places of it; else it is halved. Branches that cross, rather than come near
+each other, are passed: there the equations hold to rounding.
 """
 
 from __future__ import annotations
@@ -26,6 +28,12 @@ GAPS, SUCCESSIVE = np.array([512.0, 1.0]), 32  # in smallest steps, over which a
 SOONER, NEARER = 0.125, 0.8  # share of such a gap, and of its way, within which a solution is after it
 STEEP, SMALL = 1e-2, 1e-300  # the way to the nearest solution, as a share of that to any other; the least of any
 AHEAD = 2.0 ** np.arange(-10.0, 20.0)  # in smallest steps
+PLACES, CHANGED = (
+    np.arange(17) / 16,
+    np.log(4.0),
+)  # of a step, and the most that the logarithm of a determinant changes between two
+ZOOMS, MARGIN = 18, 64.0  # to the least determinant, and the factor on rounding there
+ULPS = np.finfo(float).eps * np.array([-3.0, -1.0, 0.0, 1.0, 2.0])
 
 
 class Continuation:
@@ -35,7 +43,7 @@ class Continuation:
         self.loops, self.mode, self.stop, self.places = loops.measured(start, state, mode), mode, stop, places
         self.length, self.step, self.passed = stop - start, FIRST * (stop - start), 0
         self.times, self.states = [start], [np.asarray(state, dtype=float)]
-        self.sign = self._first_corrections(np.array([start]), self.states[0][None])[1][0]
+        self.signs, self.largest = (a[0] for a in self._determinants(np.array([start]), self.states[0][None])[:2])
         slopes = np.abs(self.loops.matrix(start, self.states[0], mode, self.states[0])) * self.loops.magnitude
         self.usual = SLIGHT * HOLDS * slopes.sum(axis=-1)  # what may be left of each equation, whatever its terms
 
@@ -74,7 +82,7 @@ class Continuation:
             guess = last + (time - start) * speeds[-1]
             ends, good, moved = self._near(np.array([time]), guess[None])
             most = BESIDE * (time - start) * np.abs(speeds).max(axis=0) + SLIGHT * scale
-            if good[0] and (moved[0] <= most).all():
+            if good[0] and (moved[0] <= most).all() and self._is_branch(time, ends[0]):
                 self.step, self.passed = 2.0 * (time - start), 0
                 return self._keep(time, ends[0])
             size = 0.5 * min(size, time - start)
@@ -92,6 +100,25 @@ class Continuation:
         )  # fmt: skip
         told.ahead = tuple((start + t, last + t * speeds[-1]) for t in smallest * AHEAD)
         raise told.at(start, last, self.mode)
+
+    def _is_branch(self, time: float, state: Array) -> bool:
+        """Return True if a step stays on its branch: there are solutions in between whose determinants change little, or another branch crosses."""
+        start, last, places = self.times[-1], self.states[-1], PLACES
+        times, guesses = start + places * (time - start), last + places[:, None] * (state - last)
+        ends, good, _ = self._near(times[1:-1], guesses[1:-1])
+        signs, sizes, *_ = self._determinants(times, np.concatenate([last[None], ends, state[None]]))
+        with np.errstate(all="ignore"):
+            changes = np.abs(np.diff(sizes)) > CHANGED
+        low = np.fmin(sizes[:-1], sizes[1:]) < self.largest - CHANGED
+        if good.all() and (signs[1:] == self.signs).all() and not (changes & low).any():
+            return True
+        for _ in range(ZOOMS):
+            times, guesses = start + places * (time - start), last + places[:, None] * (state - last)
+            least = int(self._determinants(times, guesses)[1].argmin())
+            places = places[max(least - 1, 0)] + PLACES * (places[min(least + 1, 16)] - places[max(least - 1, 0)])
+        there = guesses[least] + np.tile(ULPS, 5)[:, None] * np.maximum(np.abs(last), np.abs(state))
+        left = self.loops.residual(times[least] * (1.0 + np.repeat(ULPS, 5)), last, self.mode, there)
+        return bool((np.abs(left).min(axis=0) <= MARGIN * np.ptp(left, axis=0)).all())
 
     def _just_after(self, start: float, last: Array, time: float) -> Any:
         """Return the solution at an instant just after the last knot where a rate is infinite, as of the root of t, or where two branches meet: the one to
@@ -124,23 +151,25 @@ class Continuation:
         """Return the sign of the determinant at a solution; 0 where derivatives are not those of the residuals beside it: at a root of several orders."""
         loop = SeparateLoop(self.loops, (time, state, self.mode), state, np.arange(len(state)))
         regular = residuals_beside(loop, state, way)[0]
-        return float(self._first_corrections(np.array([time]), state[None])[1][0]) if regular else 0.0
+        return float(self._determinants(np.array([time]), state[None])[0][0, 0]) if regular else 0.0
 
     def _keep(self, time: float, state: Array) -> None:
         """Store a knot."""
         self.times, self.states = [*self.times[-LAST:], time], [*self.states[-LAST:], state]
-        self.sign = self._first_corrections(np.array([time]), state[None])[1][0] or self.sign
+        signs, sizes, *_ = self._determinants(np.array([time]), state[None])
+        self.signs, self.largest = np.where(signs[0] != 0, signs[0], self.signs), np.fmax(sizes[0], self.largest)
 
     def _near(self, times: Array, guesses: Array) -> tuple[Any, Any, Any]:
         """Return solutions from guesses, a mask of those that count, and the corrections."""
         ends, solved = self.loops.solved(times, guesses, self.mode)
-        first, sign, exact = self._first_corrections(times, guesses)
+        first, signs, exact = self._first_corrections(times, guesses)
         ends[exact] = guesses[exact]  # also where branches cross, and Newton's method has no step
         moved, rounding = np.abs(ends - guesses), ROUNDED * np.maximum(np.abs(ends), self.loops.magnitude)
         solved = self._balance(times, ends, solved)
         exact |= solved & ((moved <= rounding) & (np.abs(first) <= rounding)).all(axis=-1)
         nearly = (np.abs(ends - guesses - first) <= NEARLY * moved + rounding).all(axis=-1)
-        return ends, exact | (solved & nearly & (sign == self.sign)), moved
+        same = signs == self.signs
+        return ends, same[:, 1:].all(axis=-1) & (exact | (solved & nearly & same[:, 0])), moved
 
     def _balance(self, times: Array, states: Array, solved: Array) -> Any:
         """Return a mask of solutions whose equations hold: where a slope is infinite, as of a root at zero, no correction is large."""
@@ -152,16 +181,28 @@ class Continuation:
         return solved & (left <= np.fmax(HOLDS * terms, self.usual)).all(axis=-1)
 
     def _first_corrections(self, times: Array, states: Array) -> tuple[Any, Any, Any]:
-        """Return the first corrections of Newton's method, not a number where there are none, the signs of the determinants, and a mask of exact solutions."""
-        unit = self.loops.magnitude
+        """Return the first corrections of Newton's method, not a number where there are none, the signs of `_determinants`, and a mask of exact solutions."""
+        signs, _, slopes, rows = self._determinants(times, states)
         with np.errstate(all="ignore"):
-            slopes = self.loops.matrix(times, states[0], self.mode, states) * unit
             values = self.loops.residual(times, states[0], self.mode, states)
-            zero = ~values.any(axis=-1)
+            zero, values = ~values.any(axis=-1), values / rows
+        solvable = ((signs[:, 0] != 0) & np.isfinite(values).all(axis=-1))[:, None]
+        first = np.linalg.solve(np.where(solvable[..., None], slopes, np.eye(len(rows[0]))), -values[..., None])[..., 0]
+        return np.where(solvable, first * self.loops.magnitude, np.nan), signs, zero
+
+    def _determinants(self, times: Array, states: Array) -> tuple[Any, Any, Any, Any]:
+        """Return the signs of the determinants, 0 where there are none, and of what the laws divide by; the logarithms of the determinants; the matrices in
+        units of the unknowns and of their rows, and these."""
+        loops = self.loops
+        with np.errstate(all="ignore"):
+            slopes = loops.matrix(times, states[0], self.mode, states) * loops.magnitude
             rows = np.abs(slopes).max(axis=-1)
-            slopes, values = slopes / rows[..., None], values / rows
-        fine = np.isfinite(slopes).all(axis=(-1, -2)) & np.isfinite(values).all(axis=-1)
-        sign = np.where(fine, np.linalg.slogdet(np.where(fine[:, None, None], slopes, 0.0))[0], 0.0)
-        solvable = np.where((sign != 0)[:, None, None], slopes, np.eye(len(unit)))
-        first = np.linalg.solve(solvable, -values[..., None])[..., 0] * unit
-        return np.where((sign != 0)[:, None], first, np.nan), sign, zero
+            slopes = slopes / rows[..., None]
+            fine = np.isfinite(slopes).all(axis=(-1, -2))
+            sign, size = np.linalg.slogdet(np.where(fine[:, None, None], slopes, 0.0))
+            signs, size = sign[:, None], size + np.log(rows).sum(axis=-1)
+            poles = loops.program.poles
+            if poles is not None:
+                below = poles(times, loops.full(states[0], states), loops.inputs, loops.constants, self.mode)
+                signs = np.concatenate([signs, np.sign(below)], axis=1)
+        return signs, size, slopes, rows

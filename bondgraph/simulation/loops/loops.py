@@ -246,12 +246,12 @@ class LoopSolver:
 
     def residual(self, time: Array | float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the residuals of the loop equations; `unknowns` may have a leading axis."""
-        full = self._full(state, unknowns)
+        full = self.full(state, unknowns)
         return self.program.derivative(time, full, self.inputs, self.constants, mode)[..., self.count :]
 
     def matrix(self, time: Array | float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the derivatives of the residuals by the unknowns (last axis); `unknowns` may have a leading axis."""
-        full = self._full(state, unknowns)
+        full = self.full(state, unknowns)
         entries = self.program.jacobian_entries(time, full, self.inputs, self.constants, mode)
         result = np.zeros((*unknowns.shape, unknowns.shape[-1]))
         if unknowns.ndim == 1:
@@ -278,7 +278,8 @@ class LoopSolver:
         self.program.kept["separate loops"] = found
         return found
 
-    def _full(self, state: Array, unknowns: Array) -> Any:
+    def full(self, state: Array, unknowns: Array) -> Any:
+        """Return a state with unknowns, which may have a leading axis."""
         if unknowns.ndim == 1:  # most calls are for one point
             return np.concatenate([state[: self.count], unknowns])
         known = np.broadcast_to(state[..., : self.count], (*unknowns.shape[:-1], self.count))
