@@ -32,9 +32,9 @@ class NotDifferentiable(Exception):
     """A derivative by the points of a table or a random number's seed, which are constant in a run."""
 
 
-def derivative(x: Expression, symbol: Symbol) -> Expression:
-    """Partial derivative of x by a symbol."""
-    known: dict[Expression, Expression] = {}
+def derivative(x: Expression, symbol: Symbol, known: dict[Expression, Expression] | None = None) -> Expression:
+    """Partial derivative of x by a symbol. `known`: derivatives by it of other expressions, for what they share; added to."""
+    known = {} if known is None else known
 
     def walk(node: Expression) -> Expression:
         if isinstance(node, Number):

@@ -7,6 +7,7 @@ Steps (tanh, a logistic function) and kinks show in the error of a step. They ha
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 
 from ..algebra.derivative import NotDifferentiable, derivative
@@ -38,6 +39,10 @@ class Peaks:
         self.steps: dict[Expression, Places] = {}  # operations with steps or kinks -> where
         self.folded: set[Expression] = set()  # of them those that are values already
         self.exponentials: dict[Expression, Places] = {}  # sums and products of them, which are steps in denominators
+        self.places: dict[
+            Expression, tuple[Places, int]
+        ] = {}  # of arguments: quotients of a mechanism share their denominators
+        self.slopes = defaultdict[Symbol, dict[Expression, Expression]](dict)
 
     def read(self, node: Expression) -> None:
         """Read an operation whose operands have been read."""
@@ -82,6 +87,11 @@ class Peaks:
 
         Monotone functions around it are left out: they may be as narrow as the law. An argument that does not turn is returned with 0.
         """
+        if x not in self.places:
+            self.places[x] = self._places_of(x)
+        return self.places[x]
+
+    def _places_of(self, x: Expression) -> tuple[Places, int]:
         while isinstance(x, Apply) and x not in self.affine:
             moving = [o for o in x.operands if self.moves(o)]
             squared = x.operator == "multiply" and len(moving) == 2 and moving[0] in (moving[1], negate(moving[1]))
@@ -107,7 +117,7 @@ class Peaks:
             return (), False
         names = [s for s in symbols(x) if self.moves(s) or s in self.rates]
         try:
-            slopes = [derivative(x, s) for s in names]
+            slopes = [derivative(x, s, self.slopes[s]) for s in names]
         except NotDifferentiable:
             return (), False
         if len(names) == 1 or not all(s in self.rates for s in names):

@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 
-from compiler.algebra.expression import Apply, Expression, Number, Symbol, add, call, multiply, negate, operations
+import compiler.algebra.derivative as derivatives
+from compiler.algebra.expression import (
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    multiply,
+    negate,
+    operations,
+    symbols,
+)
 from compiler.codegen import lower
 from compiler.codegen.cost import _operations, cost
+from compiler.codegen.limits import Leaf
+from compiler.codegen.peaks import peaks
 from tests.benchmarks import large_models
 from tests.compiling import MODELS, compiled
 
@@ -130,3 +146,19 @@ def test_a_banded_system_costs_each_row_below_a_pivot_of_full_width(count: int, 
 )
 def test_operations_of_one_node(x: Apply, count: int) -> None:
     assert _operations(x) == count
+
+
+def test_quotients_of_a_mechanism_share_the_search_for_peaks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slopes of a denominator are formed once, however many rates are divided by it, and what two functions share is differentiated once."""
+    a, b = (Symbol(Leaf("state", i)) for i in range(2))
+    below = 2 + call("sin", a) * call("cos", b)
+    walked: list[Expression] = []
+    monkeypatch.setattr(
+        derivatives, "_chain", lambda node, inner, chain=derivatives._chain: walked.append(node) or chain(node, inner)
+    )
+    peaks(
+        [(k + a) / denominator for k in range(9) for denominator in (below, 1 + below**2)],
+        2,
+        lambda x: any(s in (a, b) for s in symbols(x)),
+    )
+    assert walked and max(Counter(walked).values()) <= 2  # by two states
