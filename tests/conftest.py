@@ -33,7 +33,8 @@ Golden = Callable[[Path, str], None]
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    gc.set_threshold(10_000, 20, 10)  # what thousands of tests keep need not be looked through that often
+    # What thousands of tests keep need not be looked through that often, and most of a model is gone before it is looked at.
+    gc.set_threshold(500_000, 5, 10)
     config.addinivalue_line(
         "markers", "interpreted: asks for the target numpy itself, so that it is the same where there is no LLVM"
     )

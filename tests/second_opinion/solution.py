@@ -402,11 +402,12 @@ class Run:
 def _means(matrix: Array) -> tuple[Array, Array]:
     """Scales of rows and columns: geometric means of what is not zero, so that units of any size give one matrix; then the largest of each row is one."""
     there = matrix > 0
-    logs = np.log(np.where(there, matrix, 1.0))
-    rows, columns = np.zeros(len(matrix)), np.zeros(len(matrix))
+    logs, ones = np.log(np.where(there, matrix, 1.0)), there.astype(float)
+    totals, counts = (logs.sum(axis=1), logs.sum(axis=0)), [np.maximum(ones.sum(axis=i), 1) for i in (1, 0)]
+    columns = np.zeros(len(matrix))
     for _ in range(SWEEPS):
-        rows = -np.where(there, logs + columns, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-        columns = -np.where(there, logs + rows[:, None], 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        rows = -(totals[0] + ones @ columns) / counts[0]
+        columns = -(totals[1] + rows @ ones) / counts[1]
     largest = np.where(there, logs + rows[:, None] + columns, -np.inf).max(axis=1, initial=-np.inf)
     return np.exp(rows - np.where(np.isfinite(largest), largest, 0.0)), np.exp(columns)
 
