@@ -132,12 +132,29 @@ CARRIED = {
   output x = w.tip.x, y = w.tip.y }""",
         {"x": "0.6 m", "y": "0.6 m"}, ("low", "high"), {"low": 6.0, "high": 0.0},
     ),
+    "boom": (
+        """model A { input force = 0 N
+  multibody w : planar { gravity = (0, -10 [m/s^2])
+    body boom { mass = 100 kg, inertia = 30 [kg*m^2], at = (1 m, 0) }
+    frame a : ground { at = (0.3 m, -0.4 m) }
+    frame b : boom { at = (0.6 m, 0) }
+    hinge h : ground to boom { at = (0, 0) }
+    distance d : a to b
+  }
+  MSe f : F = force
+  f -> w.d
+  output length = w.d.d }""",
+        {"length": "0.5 m"}, ("force",), {"force": 1000 / 0.48},
+    ),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CARRIED)
 def test_what_does_not_rest_without_its_input_is_held_from_the_start(case: str) -> None:
-    """A ball under a magnet falls without current; an arm hangs straight without torques, where none of small size moves its tip up."""
+    """A ball under a magnet falls without current; an arm hangs straight without torques, where none of small size moves its tip up.
+
+    A boom without force hangs with its cylinder on the other side, where other forces hold the same length.
+    """
     text, targets, inputs, expected = CARRIED[case]
     found = bondgraph.load(text).invert(targets, inputs)
     assert {n: abs(v) for n, v in found.inputs.items()} == pytest.approx(expected, rel=1e-9, abs=1e-9)

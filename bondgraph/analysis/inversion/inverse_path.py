@@ -23,7 +23,7 @@ from .equations import InversionEquations
 from .feed_forward import NEAR, FeedForward, within_limits
 from .motion import Ends, Motion, motion
 from .path import Path, is_plain, path_of
-from .static import Search, rest_with
+from .static import Search, held_at, rest_with
 
 MOST_POINTS = 200_000
 SCHEME = "smoothstep9"
@@ -57,13 +57,13 @@ def invert_path(request: PathRequest, inputs: Sequence[str]) -> FeedForward:
     if len(drives) != len(path.names):
         raise UsageError("BR302", f"{len(path.names)} outputs want as many inputs or pairs `push/pull`; there are {len(drives)}")  # fmt: skip
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
-    state = "start" if request.moving else "equilibrium"
-    asked = replace(request.asked, outputs=path.names, by=names, time=request.start, state=state)
-    point = operating_point(request.model, asked)
-    _refuse_jumps(point, request)
-    search = Search(point, [point.program.outputs.names.index(n) for n in path.names], drives)
-    if not request.moving:
-        search = rest_with(point, path.first, drives)
+    asked = replace(request.asked, outputs=path.names, by=names, time=request.start)
+    if request.moving:
+        point = operating_point(request.model, replace(asked, state="start"))
+        search = Search(point, [point.program.outputs.names.index(n) for n in path.names], drives)
+    else:
+        search = held_at(request.model, asked, path.first, drives)
+    _refuse_jumps(search.point, request)
     equations = InversionEquations(search.point, path.names, search.drives)
     notes = _smooth_enough(path, equations, request)
     times = np.linspace(request.start, request.stop, request.points)

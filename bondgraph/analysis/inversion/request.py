@@ -6,10 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ...errors import RunFailed
 from ...quantities import quantity
 from ..operating_point import AnalysisRequest
-from ..placement import operating_point
 from ..sensitivity import independent
 from .drives import drives_of
 from .feed_forward import FeedForward
@@ -35,16 +33,7 @@ def inverted(
     asked = replace(asked, settings=fixed)
     if to is None:
         wanted = asked_for(model, targets, asked.experiment)
-        request = replace(asked, outputs=tuple(wanted), by=names)
-        # The values that the text gives to what is searched may be beyond all rests, and zeros, too: a magnet that lifts has none without current.
-        zero = replace(request, settings={**dict.fromkeys(names, 0.0), **fixed})
-        failures = []
-        for begin in (request, zero, replace(request, state="start")):
-            try:
-                return invert(operating_point(model, begin), wanted, drives)
-            except RunFailed as failed:
-                failures.append(failed)
-        raise failures[0]
+        return invert(model, replace(asked, outputs=tuple(wanted), by=names), wanted, drives)
     known = model.compilation(model.scene(asked.experiment, fixed)).whole_graph.quantities
     # unknown names are refused later
     most = {n: quantity(v, known[n].unit, n) if n in known else 0.0 for n, v in (along.get("limits") or {}).items()}

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, MechanismNode
 
 from ...compiled_model import CompiledModel
 from ...errors import RunFailed, UsageError
@@ -24,7 +24,8 @@ from ...results.json_values import head, named, with_units
 from ...simulation.equilibrium.search import equilibrium, search_at
 from ...simulation.segments.timeline import Segment
 from ..equilibrium import units_of
-from ..operating_point import OperatingPoint
+from ..operating_point import AnalysisRequest, OperatingPoint
+from ..placement import operating_point
 from ..rounding import without_rounding
 from ..sensitivity import balanced_step
 from ..sizes import natural
@@ -62,9 +63,28 @@ class Inversion(OfModel, Summarised):
         return {**head(SCHEMA, self), "stable": self.stable, **values}
 
 
-def invert(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:
-    """Return the inversion, starting from an equilibrium. Raises `UsageError`, `RunFailed`."""
-    return _told(rest_with(point, targets, drives), targets)
+def invert(model: CompiledModel, asked: AnalysisRequest, targets: Mapping[str, float], drives: Sequence[Drive]) -> Inversion:  # fmt: skip
+    """Return the inversion. Raises as `held_at`."""
+    return _told(held_at(model, asked, targets, drives), targets)
+
+
+def held_at(model: CompiledModel, asked: AnalysisRequest, targets: Mapping[str, float], drives: Sequence[Drive]) -> Search:  # fmt: skip
+    """Return the search at an equilibrium with the outputs at their targets. Raises `UsageError`, `RunFailed`, `CompilationFailed`.
+
+    A mechanism goes there from its start, on the branch that is drawn; all else from its rest. Where nothing is found, what remains is tried: the values
+    that the text gives to the inputs may be beyond all rests, and zeros, too, as of a magnet that lifts.
+    """
+    zero = replace(asked, settings={**dict.fromkeys(asked.by, 0.0), **(asked.settings or {})})
+    begins, start = [asked, zero], replace(asked, state="start")
+    graph = model.compilation(model.scene(asked.experiment, asked.settings)).whole_graph
+    begins.insert(0 if any(isinstance(node, MechanismNode) for node in graph.nodes) else 2, start)
+    failures = {}
+    for begin in begins:
+        try:
+            return rest_with(operating_point(model, begin), targets, drives)
+        except (RunFailed, UsageError) as failed:
+            failures[id(begin)] = failed
+    raise failures[id(asked)]
 
 
 def rest_with(point: OperatingPoint, targets: Mapping[str, float], drives: Sequence[Drive]) -> Search:
