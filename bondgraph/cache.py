@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import os
 import pickle
 import stat
@@ -23,6 +24,7 @@ MOST_BYTES = 500_000_000
 LARGEST_ENTRY = 100_000_000
 PRUNED_TO = 0.7  # fraction of the largest size that remains after pruning
 PACKAGES = ("bondgraph", "compiler")
+_unseen: dict[Path, float] = {}  # bytes stored since a folder was looked at
 
 
 def fetch(key: str) -> Any:
@@ -68,7 +70,7 @@ def keep(key: str, value: object) -> None:
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
-        _prune(folder)
+        _prune(folder, len(content))
     except OSError:
         return  # a full or read-only disk is no error
 
@@ -117,9 +119,12 @@ class _CacheUnpickler(pickle.Unpickler):
         return super().find_class(module, name)
 
 
-def _prune(folder: Path) -> None:
-    """Remove the least recently used entries if the folder is too large."""
-    entries = []
+def _prune(folder: Path, stored: int) -> None:
+    """Remove the least recently used entries if the folder is too large. It is looked at for each hundredth of the largest size that a process has stored."""
+    _unseen[folder] = _unseen.get(folder, math.inf) + stored
+    if _unseen[folder] < MOST_BYTES / 100:
+        return
+    _unseen[folder], entries = 0, []
     with os.scandir(folder) as found:
         for entry in found:
             if entry.is_dir(follow_symlinks=False):

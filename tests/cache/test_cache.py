@@ -121,6 +121,15 @@ class TestEntries:
             and cache.fetch(cache.key_of("new")) is not None
         )
 
+    def test_a_process_does_not_look_through_all_for_each_entry(
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        looks: list[Path] = []
+        monkeypatch.setattr(cache.os, "scandir", lambda path, scan=os.scandir: looks.append(path) or scan(path))
+        for i in range(20):
+            cache.keep(cache.key_of(i), b"x" * (cache.MOST_BYTES // 1000))
+        assert len(looks) == 2  # at first, and once for what is a hundredth of the room
+
 
 class TestChildren:
     def test_what_takes_seconds_is_told_once(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -165,10 +165,11 @@ def test_spatial_slider_crank() -> None:
     """One coordinate: the rod's inertia from the speeds of its ends, and its turn about itself from the universal joint, whose axes stay square."""
     inertia, m_rod, m, j_rod = 2e-3, 0.3, 0.6, 2e-5
     beside = np.array([0, 0.1, 0.2]) / np.hypot(0.1, 0.2)  # the joint's axis on the slider, which never turns
+    square = np.cross(np.eye(3), beside)
 
     def axis(q: Any) -> Any:
         pin, end = spatial_linkage(q)
-        n = np.cross(end - pin, beside)
+        n = (end - pin) @ square
         return n / np.sqrt(n @ n)
 
     def moving(q: float) -> tuple[Vector, Vector, float]:
@@ -177,7 +178,7 @@ def test_spatial_slider_crank() -> None:
         return (
             slope(lambda z: spatial_linkage(z)[0], q),
             slope(lambda z: spatial_linkage(z)[1], q),
-            float(slope(axis, q) @ np.cross(along, axis(q))),
+            float(np.linalg.det([slope(axis, q), along, axis(q)])),
         )
 
     def mass(q: float) -> float:

@@ -514,6 +514,7 @@ model Drive {
     assert abs(found.energy.residual) < 1e-6
 
 
+@pytest.mark.machine_code  # the search in the loop is the same without
 def test_a_tank_behind_two_valves_is_full_and_stays_so() -> None:
     """Roots of the pressures: sqrt(1 - q) falls linearly to zero, in finite time; there neither sign holds, and nothing flows."""
     text = """plain model Tank {
