@@ -29,7 +29,7 @@ from .runs import BatchCourse, Runs
 from .scope import BatchScene
 from .trajectories import BatchTrajectories, goes_on
 
-SEVERAL = 4096  # steps of a run between two chances to interrupt it
+SEVERAL = 1024  # steps of a run between two chances to interrupt it
 EVALUATIONS = {"derivative": "derivatives", "jacobian": "jacobians", "factorisation": "factorisations"}
 
 

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # most points of one task
-MOST_TOGETHER = 256  # the same where they are answered together
+MOST_TOGETHER = 256  # the same where points are answered together
+LEAST_TOGETHER = 24  # least points of such a task, if they do not take long
 OFTEN = 0.25  # s: longest time between reports, unless a point takes longer, or points are answered together
 AHEAD = 3  # tasks submitted in advance for each of our own workers, and number of tasks in a worker's share of the remaining points
 FEW = 3  # points that are first answered together
@@ -279,17 +280,19 @@ def _collected(
 ) -> Iterator[Answers]:  # fmt: skip
     """Yield the results of tasks as they are finished; the rest of a task that was too long for one report is distributed again.
 
-    A task has at most a fraction of a worker's share of the remaining points, so that the last one does not delay the end. Our own workers get a few
-    tasks in advance, at least of `first` points, about as many as are computed in that many times of a report; an executor, whose size is not known,
-    gets all at once.
+    A task has at most a fraction of a worker's share of the remaining points, so that the last one does not delay the end, unless those are few
+    (`LEAST_TOGETHER`). Our own workers get a few tasks in advance, at least of `first` points, about as many as are computed in that many times of a
+    report; an executor, whose size is not known, gets all at once.
     """
     left, waiting = deque(numbers), dict[Future[TimedReport], list[int]]()
     finished: SimpleQueue[Future[TimedReport]] = SimpleQueue()
     most, ahead = (first, AHEAD * count) if own else (MOST_AT_ONCE, len(left))
+    least, largest = (1, MOST_AT_ONCE) if first == 1 else (LEAST_TOGETHER, MOST_TOGETHER)
 
     def submit_some() -> None:
         while left and len(waiting) < ahead:
-            task = [left.popleft() for _ in range(max(1, min(most, len(left) // (AHEAD * count))))]
+            share = max(len(left) // (AHEAD * count), least)
+            task = [left.popleft() for _ in range(min(most, share, len(left)))]
             future = submit(task)
             waiting[future] = task
             future.add_done_callback(finished.put)
@@ -302,7 +305,7 @@ def _collected(
             report, time = future.result()
             most = max(
                 first,
-                min(MOST_AT_ONCE if first == 1 else MOST_TOGETHER, int(len(report) * first * OFTEN / max(time, 1e-6))),
+                min(largest, int(len(report) * first * OFTEN / max(time, 1e-6))),
             )
             left.extendleft(reversed(waiting[future][len(report) :]))
             submit_some()

@@ -17,6 +17,7 @@ from bondgraph.batch import together as batch
 from bondgraph.batch.together import is_together, simulate_together
 from bondgraph.compiled_model import CompiledModel
 from bondgraph.results.result import Result
+from bondgraph.simulation.integrators.compiled import record_layout
 from bondgraph.simulation.magnitudes.free_response import item_by_item
 from bondgraph.simulation.repetition import simulate
 from bondgraph.simulation.run_options import RunOptions, RunRequest
@@ -305,6 +306,29 @@ def test_python_does_not_act_between_runs(path: str, name: str, value: float) ->
 
     calls(2)
     assert (calls(42) - calls(2)) / 40 < 60
+
+
+def test_machine_code_takes_several_runs_in_a_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between them no thread waits for the interpreter."""
+    model, made, plain = bondgraph.load("models/manipulator.bg"), 0, record_layout.called
+
+    def called(name: str, *kinds: Any) -> Any:
+        def call(*given: Any) -> Any:
+            nonlocal made
+            made += 1
+            return plain(name, *kinds)(*given)
+
+        return call
+
+    def calls(count: int) -> int:
+        nonlocal made
+        made = 0
+        assert is_whole(simulate_together(model, RunRequest(), [{"h": 37e-6 + 1e-9 * i} for i in range(count)]))
+        return made
+
+    monkeypatch.setattr(record_layout, "called", called)
+    calls(1)  # machine code of the method is linked at its first step
+    assert calls(1) == calls(record_layout.UNINTERRUPTED) < calls(record_layout.UNINTERRUPTED + 1)
 
 
 @pytest.mark.parametrize("workers", [1, 2])

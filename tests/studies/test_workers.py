@@ -9,8 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -374,6 +374,27 @@ def test_tasks_become_smaller(count: int, tmp_path: Path) -> None:
     for task in tasks:
         assert len(task) == 1 or 3 * len(task) * count <= left
         left -= len(task)
+
+
+@pytest.mark.parametrize(("each", "least"), [(1e-4, workers.LEAST_TOGETHER), (0.2, 1)])
+def test_tasks_of_points_that_are_answered_together_are_not_small(each: float, least: int) -> None:
+    """Many cost little more than few; but if each takes long, no worker waits for the last task of another."""
+    sizes: list[int] = []
+
+    class Own:
+        def submit(self, numbers: Sequence[int]) -> Future[Any]:
+            sizes.append(len(numbers))
+            done = Future[Any]()
+            done.set_result(({i: i for i in numbers}, each * len(numbers)))
+            return done
+
+    own: Any = Own()
+    reports = workers._collected(own.submit, range(2000), 2, own, workers.FEW)
+    assert sorted(i for report in reports for i in report) == [*range(2000)]
+    begun = workers.AHEAD * 2  # before anything is known of their time
+    assert sizes[:begun] == [workers.FEW] * begun
+    assert max(sizes) <= workers.MOST_TOGETHER and min(sizes[begun:-1]) >= least
+    assert (max(sizes) > workers.MOST_AT_ONCE) == (least > 1)
 
 
 def test_what_is_too_long_for_one_report_goes_to_others(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,7 @@ PARTS = {  # functions that are not in the first module
         "stepping through events",
     ),
     **{f"{row.word}_step": f"steps of {row.name}" for row in METHODS},
+    "each_record": "runs of a batch",
 }
 
 _CODES: dict[str, MachineCode] = {}
@@ -62,8 +63,12 @@ def link_step(method: int) -> None:
     machine_code(STEPPING).link(name, machine_code(PARTS[name]).address(name))
 
 
+def function_address(name: str) -> int:
+    """Return the address of a function of that code."""
+    return machine_code(PARTS.get(name, STEPPING)).address(name)
+
+
 @lru_cache
 def called(name: str, result: Any, *arguments: Any) -> Any:
     """Return a function of that code."""
-    address = machine_code(PARTS.get(name, STEPPING)).address(name)
-    return ctypes.CFUNCTYPE(result, *arguments)(address)
+    return ctypes.CFUNCTYPE(result, *arguments)(function_address(name))

@@ -15,9 +15,10 @@ import numpy as np
 
 from compiler.api import INTS, Array, Fields, Handed, Program, address_of, record_of
 
-from .code import POINTER, WHOLE, called
+from .code import POINTER, WHOLE, called, function_address
 
 WORD = 8  # bytes
+UNINTERRUPTED = 8  # records in a call of machine code, during which Python can neither interrupt it nor hold it up
 _WHOLE, _DOUBLE = np.dtype(np.int64), np.dtype(float)
 _C_TYPES = {"double": ctypes.c_double, "i64": ctypes.c_int64}
 
@@ -186,10 +187,18 @@ class RecordBatch:
         self._arrays[name] = array
         self._words[:, self._form.places[name][0]] = address_of(array) + WORD * array.shape[1] * rows
 
-    def call(self, source: str, rows: Any, *numbers: int) -> Any:
+    def call(self, source: str, rows: Any, number: int = 0) -> Any:
         """Call a function of the source on the records of these rows, one after another; return its answers, shape (rows,)."""
-        function = called(source, WHOLE, POINTER, *(WHOLE for _ in numbers))
-        return np.array([function(address, *numbers) for address in self.addresses[rows].tolist()], dtype=np.int64)
+        answers, step, records = (
+            np.zeros(len(rows), dtype=np.int64),
+            function_address(source),
+            address_of(self._numbers),
+        )
+        each = called("each_record", None, POINTER, WHOLE, POINTER, WHOLE, POINTER, WHOLE, POINTER)
+        for first in range(0, len(rows), UNINTERRUPTED):
+            some, found = np.array(rows[first : first + UNINTERRUPTED], dtype=np.int64), answers[first:]
+            each(step, len(some), address_of(some), self._form.size, records, number, address_of(found))
+        return answers
 
     def __getitem__(self, name: str) -> Any:
         if name in self._arrays:

@@ -19,13 +19,14 @@ from ..pilot.loop import coarse, pilot_step
 from ..pilot.step import euler
 from ..projection.projection import least_singular_values, project_all, rates_projected
 from .advance import STEPS, advance, advance_through, begin, begin_segment
+from .each_record import each_record
 
 SOURCES: dict[str, Callable[..., Any]] = {
     function.__name__: function
     for function in (
         begin, begin_segment, advance, advance_through, euler, coarse, pilot_step, roots_along, states_along, scaled_along, evaluate, doubt,
         look_ahead, decide, keep, reread, survey, narrow, least_singular_values, project_all, rates_projected, balance, real_factors, least_degree,
-        plan_eliminations, put_rows, holds, measured_loops, solve_rows,
+        plan_eliminations, put_rows, holds, measured_loops, solve_rows, each_record,
     )
 }  # fmt: skip
 SOURCES |= {step.__name__: step for step in STEPS}
