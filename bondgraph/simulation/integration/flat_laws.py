@@ -24,7 +24,7 @@ def step_over(stepper: IntegrationState, told: StepsCollapsed, before: Array, st
     """Return the longest step along the rates within which these change by nothing that the tolerance sees; None if there is none.
 
     The unknowns of loops are searched at its end. They must come back to where they are as the step gets shorter, without a jump: else what is
-    found is another solution, and the branch ends. `before`: the state.
+    found is another solution, and the branch ends; not where loops are proved to have one only, which `before` may miss. `before`: the state.
     """
     mode, count = stretch.mode, stepper.constraints.count
     if not stepper.program.unknowns.names or stepper.history is not None or not told.ahead:
@@ -39,19 +39,21 @@ def step_over(stepper: IntegrationState, told: StepsCollapsed, before: Array, st
     allowed = ALIKE * (tolerances.absolute + tolerances.relative * np.abs(before))
     rates, truth = values(start, before)
     end = span = 0.0
-    way = None
+    way, after = None, before
     for time, state in told.ahead:
         if time >= stretch.stop:
             break
         try:
-            after = stepper.held(time, state, mode)
+            after = stepper.held(time, np.concatenate([state[:count], after[count:]]), mode)
         except RunFailed:
             break
         size, last, way = time - start, way, np.abs(after - before)[count:]
         changed, others = values(time, after)
         if (size * np.abs(changed - rates) > allowed[:count]).any() or not np.array_equal(truth, others):
             break
-        if last is not None:
+        if stepper.unique:
+            end = size
+        elif last is not None:
             low, high = (np.fmax(x, allowed[count:]) for x in (SHRINKS * way, GROWS * size / span * last))
             if not ((last <= low) & (way <= high)).all():
                 break
