@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from ...results.records import ToleranceDoubt
@@ -21,8 +20,12 @@ def phase_notes(
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the notes of an integrated phase. `timed`: on its segments; `undetermined`: on its program; `assembled`: of the first phase."""
     constraints, trajectory = solution.constraints, solution.trajectory
-    reached = takewhile(lambda s: s.start <= solution.segments[-1].stop, solution.planned)  # other programs go on there
-    resolutions = {id(s.resolution): s.resolution for s in reached if s.resolution is not None}
+    resolutions, reached = {}, (trajectory.pieces or solution.planned)[-1].stop  # other programs go on there
+    for segment in solution.planned:
+        if segment.start > reached:
+            break
+        if segment.resolution is not None:
+            resolutions[id(segment.resolution)] = segment.resolution
     notes = [*list(dict.fromkeys(trajectory.notes))[:1], *timed, *(n for r in resolutions.values() for n in r.notes)]
     if events is not None:
         from ..events.bounds import notes_on_conditions
