@@ -132,6 +132,46 @@ def test_ecos_joins_a_car_that_is_cut(car: Path, above: float) -> None:
     assert errors[0] < 0.2 * abs(above) and 1.8 < errors[0] / errors[1] < 2.2
 
 
+def test_libcosim_joins_a_car_that_is_cut(car: Path, above: float, tmp_path: Path) -> None:
+    """As a system with fixed steps, in first order; and by the energy that a cut bond makes (ECCO), whose residual decides the step."""
+    execution, algorithm = (pytest.importorskip(f"libcosimpy.Cosim{name}") for name in ("Execution", "Algorithm"))
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    def places(run: object, unit: int) -> dict[str, int]:
+        return {v.name.decode(): v.reference for v in run.slave_variables(unit)}  # type: ignore[attr-defined]
+
+    def error(run: object, observer: object, body: int) -> float:
+        return abs(observer.last_real_values(body, [places(run, body)["above"]])[0] - above)  # type: ignore[attr-defined]
+
+    errors = []
+    for step in (8e-3, 4e-3):
+        run, observer = execution.CosimExecution.from_ssp_file(str(car), step * 1e9), CosimObserver.create_last_value()
+        run.add_observer(observer)
+        run.step(round(1 / step))
+        errors.append(error(run, observer, run.slave_index_from_instance_name("body")))
+    assert errors[0] < 0.06 * abs(above) and 1.8 < errors[0] / errors[1] < 2.2
+    for name, data in contents(car).items():
+        (tmp_path / Path(name).name).write_bytes(data)
+    errors = []
+    for tolerance in (1e-3, 1e-5):
+        given = algorithm.EccoParams(
+            step_size=1e-4, min_step_size=1e-6, max_step_size=1e-2, min_change_rate=0.2, max_change_rate=1.5, abs_tolerance=tolerance, rel_tolerance=tolerance
+        )  # fmt: skip
+        ecco = algorithm.CosimAlgorithm.create_ecco_algorithm(given)
+        run, observer = execution.CosimExecution.from_algorithm(ecco), CosimObserver.create_last_value()
+        run.add_observer(observer)
+        wheel, body = (run.add_local_slave(CosimLocalSlave(str(tmp_path / f"{name}.fmu"), name)) for name in ("wheel", "body"))  # fmt: skip
+        below, upper = places(run, wheel), places(run, body)
+        run.connect_real_variables(wheel, below["top_v"], body, upper["low_v"])
+        run.connect_real_variables(body, upper["low_F"], wheel, below["top_F"])
+        assert ecco.add_power_bond(wheel, below["top_v"], below["top_F"], body, upper["low_F"], upper["low_v"]) == 0
+        while run.status().current_time < 1e9:
+            run.step(1)
+        errors.append(error(run, observer, body))
+    assert errors[0] < 0.02 * abs(above) and errors[1] < 0.3 * errors[0]
+
+
 def test_a_controller_and_a_motor_are_units_beside_the_rest(tmp_path: Path) -> None:
     """What several units read comes in at the system; what is computed of it is computed in each; experiments are sets of parameters."""
     file = written(SERVO, "Servo", tmp_path / "servo.ssp", fmi="2")
