@@ -13,6 +13,7 @@ from .fast_dataclass import dataclass
 
 MAXIMUM_BYTES = 32_000_000  # of one file, before it is read
 UNIT = ".fmu"  # ending of functional mock-up units, which are imported as models
+SYSTEM = ".ssp"  # of systems of them
 _COMMENT = re.compile(r"#[^\n]*")
 
 

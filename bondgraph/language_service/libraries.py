@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import UNIT, EditedFile, FileScope, first_text, table_of, tree
+from compiler.api import SYSTEM, UNIT, EditedFile, FileScope, first_text, table_of, tree
 
 from ..compiled_model import LIBRARY
 from .answers import Suggestion, TextEdit, TextPlace
@@ -23,7 +23,7 @@ def import_suggestions(workspace: Workspace, path: Path, context: Context) -> It
             if not context.is_silent
         )
         for file in sorted(path.parent.glob("*")):
-            if file.suffix in (".bg", UNIT) and file.name != path.name:
+            if file.suffix in (".bg", UNIT, SYSTEM) and file.name != path.name:
                 yield Suggestion(file.name, "file", insert=file.name if context.is_silent else f'"{file.name}"')
         return
     if len(words) > 1 and words[-1] != ",":

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from compiler.api import ELEMENT_KINDS, RESERVED, UNIT, DeclaredName, NameUse, path_of, tree
+from compiler.api import ELEMENT_KINDS, RESERVED, SYSTEM, UNIT, DeclaredName, NameUse, path_of, tree
 
 from ..compiled_model import LIBRARY
 from .answers import OutlineNode, TextEdit, TextPlace
@@ -23,7 +23,7 @@ def definition(workspace: Workspace, path: Path, at: int) -> TextPlace | None:
         place = _imported_file(workspace, path, at)
     else:
         place = place_of(occurrence.name.span)
-    return None if place is None or place.path.suffix == UNIT else place
+    return None if place is None or place.path.suffix in (UNIT, SYSTEM) else place
 
 
 def _imported_file(workspace: Workspace, path: Path, at: int) -> TextPlace | None:

@@ -245,6 +245,81 @@ def test_nested_instances_and_lists_are_units(tmp_path: Path) -> None:
     assert {n for n in contents(file) if n.endswith(".fmu")} == {"resources/Main.fmu", "resources/row_cell_1_.fmu", "resources/row_cell_2_.fmu"}  # fmt: skip
 
 
+def read_back(folder: Path, uses: str, text: str | None = None) -> bondgraph.Model:
+    """A model that imports the system `s.ssp` of a folder, whose structure is another one if a text is given."""
+    if text is not None:
+        files = contents(folder / "s.ssp") | {"SystemStructure.ssd": text.encode()}
+        with zipfile.ZipFile(folder / "s.ssp", "w") as archive:
+            for name, data in files.items():
+                archive.writestr(name, data)
+    (folder / "m.bg").write_text(uses, encoding="utf-8")
+    return bondgraph.load(folder / "m.bg")
+
+
+def test_a_system_is_imported_as_a_model(car: Path, above: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """It runs as the whole does, but for the step; a set of parameters and the inputs of the system hold."""
+    monkeypatch.setenv("BONDGRAPH_RUN_FMU", "1")
+    (tmp_path / "s.ssp").write_bytes(car.read_bytes())
+    uses = """import Car from "s.ssp"
+      model M {
+        Car car { communication_step = STEP }
+        output above = car.body.above, pull = 2*car.wheel.speed
+        experiment e { simulate 0 .. 1 s { points = 11 } }
+      }"""
+    errors = [abs(read_back(tmp_path, uses.replace("STEP", step)).simulate().final("above") - above) for step in ("8 ms", "4 ms")]  # fmt: skip
+    assert errors[0] < 0.2 * abs(above) and 1.8 < errors[0] / errors[1] < 2.2
+    structure = contents(car)["SystemStructure.ssd"].decode()
+    value = '<ssv:Parameter name="{0}"><ssv:Real value="{1}"/></ssv:Parameter>'.format
+    binding = (
+        '<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="s" '
+        'xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"><ssv:Parameters>SET</ssv:Parameters>'
+        "</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>"
+    )
+    heavy = binding.replace("SET", value("body.m", "600.0")), binding.replace("SET", value("m", "600.0"))
+    elements, end = "    <ssd:Elements>", "        </ssd:Connectors>\n      </ssd:Component>\n    </ssd:Elements>"
+    whole = bondgraph.load(CAR, "Car").simulate(settings={"body.m": "600 kg"}).final("above")
+    for new in (structure.replace(elements, heavy[0] + elements), structure.replace(end, end.replace("</ssd:Connectors>", f"</ssd:Connectors>{heavy[1]}"))):  # fmt: skip
+        assert new != structure
+        model = read_back(tmp_path, uses.replace("STEP", "4 ms"), new)
+        assert model.simulate().final("above") == pytest.approx(whole, rel=0.1)
+        assert model.simulate(settings={"car.body.m": "300 kg"}).final("above") == pytest.approx(above, rel=0.1)
+
+
+def test_inputs_of_a_system_are_those_of_its_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BONDGRAPH_RUN_FMU", "1")
+    written(SERVO, "Servo", tmp_path / "s.ssp", parts=("controller",))
+    uses = """import Servo from "s.ssp"
+      model M {
+        Servo servo { communication_step = 0.5 ms WANTED }
+        output error = servo.Servo.error
+        experiment e { simulate 0 .. 0.2 s { points = 3 } }
+      }"""
+    own = bondgraph.load(SERVO, "Servo")
+    for wanted in ("20", "10"):
+        whole = own.simulate("go", {"target": f"{wanted} rad/s"}, points=3)
+        found = read_back(tmp_path, uses.replace("WANTED", f", target = {wanted} [rad/s]" * (wanted == "10"))).simulate()  # fmt: skip
+        assert found["error"] == pytest.approx(whole["error"], abs=0.05 * float(wanted))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<ssd:System name", "<ssd:Other name", "it is no system of units"),
+        ("<ssd:SystemStructureDescription", "<!DOCTYPE x><ssd:SystemStructureDescription", "it is no system of units"),
+        ("resources/body.fmu", "resources/none.fmu", "it is no functional mock-up unit"),
+        ("application/x-fmu-sharedlibrary", "application/x-ssp-package", "its `wheel` is no unit"),
+        ("<ssd:Elements>", "<ssd:Elements><ssd:System name='inner'/>", "it has systems within it"),
+        ('endConnector="low_v"/>', 'endConnector="low_v"><x/></ssd:Connection>', "a connection of it changes values"),
+        ('startConnector="top_v"', 'startConnector="none"', "it is no system of units"),
+    ],
+)  # fmt: skip
+def test_structures_that_no_model_can_hold(old: str, new: str, words: str, car: Path, tmp_path: Path) -> None:
+    (tmp_path / "s.ssp").write_bytes(car.read_bytes())
+    structure = contents(car)["SystemStructure.ssd"].decode()
+    read_back(tmp_path, 'import Car from "s.ssp"\nmodel M { Car c\n output x = c.body.above }', structure.replace(old, new))  # fmt: skip
+    assert words in " ".join(d.sentence for d in bondgraph.check(tmp_path / "m.bg"))
+
+
 def refused(text: str, *parts: str, name: str = "Main") -> str:
     model = bondgraph.load(text, name)
     with pytest.raises(CompilationFailed) as failed:

@@ -215,9 +215,8 @@ def units_of(hybrid: Hybrid, steps: Mapping[int, float], start: float) -> CoSimu
 def _loaded(event: EventNote, step: float, file: Path) -> CoSimulatedUnit:
     from shutil import rmtree
     from tempfile import mkdtemp
-    from zipfile import ZipFile
 
-    from compiler.api import read_unit_description
+    from compiler.api import open_unit, read_unit_description
 
     try:
         import fmpy.fmi2  # noqa: F401
@@ -226,7 +225,7 @@ def _loaded(event: EventNote, step: float, file: Path) -> CoSimulatedUnit:
     folder = mkdtemp(prefix="bondgraph-")
     unit = CoSimulatedUnit(event, step, folder, read_unit_description(file))
     finalize(unit, rmtree, folder, ignore_errors=True)
-    with _Reported(unit, 0.0), ZipFile(file) as archive:
+    with _Reported(unit, 0.0), open_unit(file) as archive:
         archive.extractall(folder)
     return unit
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Set
 from pathlib import Path
 
 from ...errors import CompilationFailed, Diagnostic
-from ...source import UNIT, Source, Span, read_text
+from ...source import SYSTEM, UNIT, Source, Span, read_text
 from ...syntax import SyntaxTree, parse, tree
 from ...syntax.outline import Outline
 from .compound_units import with_compound_units
@@ -15,6 +15,7 @@ from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes
 from .project_folder import is_there, project_folder, within_project
 from .scope import RESERVED, FileScope, ModelDefinition, SetDefinition
 from .statement_errors import MAXIMUM_MISTAKES, Wrong, suggestion
+from .system_file import read_system
 from .unit_file import NotImportable, read_unit_description, unit_model
 
 MAXIMUM_FILES = 500
@@ -134,6 +135,14 @@ class Loader:
             text = unit_model(read_unit_description(target), name, target)
             loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
             return self._declare(loaded, parse(text), chain)
+        if target.suffix == SYSTEM:
+            text, units = read_system(target, name)
+            loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
+            for word, source in units.items():
+                scope = FileScope(source, {}, {}, {}, root=importer.root, library=self.library)
+                loaded.models[word] = self._declare(scope, parse(source), chain).models[word]
+                self.files.popitem()  # it lies in the archive, which is the file
+            return self._declare(loaded, parse(text), chain)
         tree = None if self.held is None else self.held(target, name, names)
         if tree is not None:
             loaded = FileScope(tree.source, {}, {}, {}, root=importer.root, library=self.library)
@@ -161,8 +170,8 @@ class Loader:
             hint = "Only files below the project folder are read: that of the nearest `bondgraph.toml` or `pyproject.toml` above the file, else its own."
             what = f"`{statement.place}` lies outside the project folder"
             raise Wrong(WrongImport(statement.span, what, hint))
-        if target.suffix not in (".bg", UNIT) or not is_there(target):
-            near = [p.name for p in scope.source.path.parent.glob("*") if p.suffix in (".bg", UNIT)]
+        if target.suffix not in (".bg", UNIT, SYSTEM) or not is_there(target):
+            near = [p.name for p in scope.source.path.parent.glob("*") if p.suffix in (".bg", UNIT, SYSTEM)]
             hint = suggestion(statement.place, near, "The path is relative to the file with the import.")
             raise Wrong(WrongImport(statement.span, f"There is no file `{statement.place}`", hint))
         return target

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
+from io import BytesIO
 from math import inf, isfinite
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,7 +18,7 @@ from zipfile import BadZipFile, ZipFile
 from ...errors import printable
 from ...fast_dataclass import dataclass
 from ...graph.units import Dimension
-from ...source import MAXIMUM_BYTES, Source
+from ...source import MAXIMUM_BYTES, SYSTEM, Source
 from .scope import RESERVED
 
 STEP, HELD = "communication_step", "held_"
@@ -77,7 +78,7 @@ class UnitDescription:
 def read_unit_description(path: Path) -> UnitDescription:
     """Return the description of a unit. Raises OSError, NotImportable."""
     try:
-        with ZipFile(path) as archive:
+        with open_unit(path) as archive:
             if archive.getinfo("modelDescription.xml").file_size > MAXIMUM_BYTES:
                 raise NotImportable("its description is too long", f"At most {MAXIMUM_BYTES} bytes are read.")
             text = archive.read("modelDescription.xml")
@@ -90,26 +91,37 @@ def read_unit_description(path: Path) -> UnitDescription:
         raise NotImportable("it is no functional mock-up unit", hint) from None
 
 
-def unit_model(unit: UnitDescription, name: str, path: Path) -> Source:
-    """Return the text of a model that stands for a unit."""
+def open_unit(path: Path) -> ZipFile:
+    """Open the archive of a unit, which may lie in that of a system. Raises OSError, KeyError, BadZipFile."""
+    system = next((outer for outer in path.parents if outer.suffix == SYSTEM and outer.is_file()), None)
+    if system is None:
+        return ZipFile(path)
+    with ZipFile(system) as archive:
+        return ZipFile(BytesIO(archive.read(path.relative_to(system).as_posix())))
+
+
+def unit_model(unit: UnitDescription, name: str, path: Path, word: str = "") -> Source:
+    """Return the text of a model that stands for a unit, under its own name or another one."""
     first = "" if unit.step is None else f" = {unit.step!r} s"
     yields, takes = unit.of("output"), unit.of("parameter", "input")
     lines = [f'  "{unit.description}"', f'  parameter {STEP}: s{first} "time between two exchanges"']
     for item in takes:
-        start = "" if item.start is None else f" = {_number(item.start, item)}"
-        lines.append(f'  {item.role} {_declared(item)}{start} "{item.description}"')
-    lines += [f"  mode {_declared(v)} = 0" for v in yields]
-    lines += [f"  mode {_declared(v, HELD)} = 0" for v in takes]
+        start = "" if item.start is None else f" = {value_of(item.start, item)}"
+        lines.append(f'  {item.role} {declared(item)}{start} "{item.description}"')
+    lines += [f"  mode {declared(v)} = 0" for v in yields]
+    lines += [f"  mode {declared(v, HELD)} = 0" for v in takes]
     lines += [f"  every {STEP} {{", *(f"    {HELD}{v.name} = {v.name}" for v in takes)]
-    lines += [f"    {v.name} = {v.name} + {_number(1.0, v)}" for v in yields]  # something moves: the unit
-    return Source(name, "\n".join([f"model {unit.name} {{", *lines, "  }", "}", ""]), path)
+    lines += [f"    {v.name} = {v.name} + {value_of(1.0, v)}" for v in yields]  # something moves: the unit
+    return Source(name, "\n".join([f"model {word or unit.name} {{", *lines, "  }", "}", ""]), path)
 
 
-def _declared(item: UnitVariable, before: str = "") -> str:
-    return f"{before}{item.name}" if item.unit == "1" else f"{before}{item.name}: {item.unit}"
+def declared(item: UnitVariable, before: str = "", word: str = "") -> str:
+    """Return the name of a variable with its unit."""
+    return f"{before}{word or item.name}" if item.unit == "1" else f"{before}{word or item.name}: {item.unit}"
 
 
-def _number(value: float, item: UnitVariable) -> str:
+def value_of(value: float, item: UnitVariable) -> str:
+    """Return a number of a variable as the language writes it."""
     return repr(value) if item.unit == "1" else f"{value!r} [{item.unit}]"
 
 
@@ -136,14 +148,14 @@ def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
         int(root.get("numberOfEventIndicators", "0")),
     )
     return UnitDescription(
-        _NewNames().new(name), version, token, identifier, _text(root), own, variables,
+        NewNames().new(name), version, token, identifier, _text(root), own, variables,
         has_steps, tolerance if 0 < tolerance < 1 else USUAL_TOLERANCE, states, indicators,
     )  # fmt: skip
 
 
 def _variables(root: ElementTree.Element, version: str) -> Iterator[UnitVariable]:
     """Yield the real numbers among the variables, and no arrays."""
-    names, (element, type_element) = _NewNames(), _REAL[version]
+    names, (element, type_element) = NewNames(), _REAL[version]
     units = {u.get("name", ""): u.find("BaseUnit") for u in root.iterfind("UnitDefinitions/Unit")}
     types = {t.get("name"): _real(t, version) for t in root.iterfind(f"TypeDefinitions/{type_element}")}
     for item in root.iterfind(f"ModelVariables/{element}"):
@@ -189,7 +201,7 @@ def _text(item: ElementTree.Element) -> str:
     return printable(item.get("description", "")).replace('"', "'").replace("\\", "/")
 
 
-class _NewNames:
+class NewNames:
     """Names of the language for names of units; no two are one."""
 
     def __init__(self, taken: Iterable[str] = (STEP,)) -> None:

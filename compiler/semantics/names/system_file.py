@@ -1,0 +1,113 @@
+"""A system of functional mock-up units (SSP 1.0) as a model: `import Car from "car.ssp"`.
+
+Its structure becomes a text of the language in which each unit is an instance; units are exchanged with as imported ones are.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+from zipfile import BadZipFile, ZipFile
+
+from ...source import MAXIMUM_BYTES, Source
+from .unit_file import (
+    STEP,
+    NewNames,
+    NotImportable,
+    UnitDescription,
+    UnitVariable,
+    declared,
+    read_unit_description,
+    unit_model,
+    value_of,
+)
+
+_NAME = "{{http://ssp-standard.org/SSP1/SystemStructure{0}}}{1}".format
+_REFUSED = {
+    "System": "systems within it",
+    "SignalDictionaryReference": "signal dictionaries",
+    "ParameterMapping": "parameters with a mapping",
+}
+_UNIT_TYPE = "application/x-fmu-sharedlibrary"
+
+
+def read_system(path: Path, name: str) -> tuple[Source, dict[str, Source]]:
+    """Return the text of the model, and those of its units by their names. Raises OSError, NotImportable."""
+    try:
+        with ZipFile(path) as archive:
+            return _read(archive, path, name)
+    except (BadZipFile, KeyError, ValueError, RuntimeError, NotImplementedError, ElementTree.ParseError):
+        hint = "It is an archive with a `SystemStructure.ssd` of SSP 1.0, and its units."
+        raise NotImportable("it is no system of units", hint) from None
+
+
+def _parsed(archive: ZipFile, file: str) -> ElementTree.Element:
+    text = archive.read(file) if archive.getinfo(file).file_size <= MAXIMUM_BYTES else b""
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise ValueError
+    return ElementTree.fromstring(text)
+
+
+def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, Source]]:
+    root = _parsed(archive, "SystemStructure.ssd")
+    system = root.find(_NAME("Description", "System"))
+    if system is None:
+        raise ValueError
+    for element, what in _REFUSED.items():
+        if any(found is not system for found in system.iter(_NAME("Description", element))):
+            raise NotImportable(f"it has {what}", "Systems of units, connections and sets of parameters are imported.")
+    names, model = NewNames((STEP,)), NewNames().new(root.get("name", "") or path.stem)
+    units: dict[str, UnitDescription] = {}
+    words, kinds, sources = {"": ""}, dict[str, str](), dict[str, Source]()
+    for component in system.iter(_NAME("Description", "Component")):
+        unit, file = component.get("name", ""), path / component.get("source", "")
+        if component.get("type", _UNIT_TYPE) != _UNIT_TYPE:
+            raise NotImportable(f"its `{unit}` is no unit", "Other kinds of components are not imported.")
+        units[unit], words[unit] = read_unit_description(file), names.new(unit)
+        kinds[unit] = names.new(f"{unit} unit")
+        sources[kinds[unit]] = unit_model(units[unit], f"{name}/{file.name}", file, kinds[unit])
+    values = dict(_values(archive, system))
+    given, lines, outputs = defaultdict[str, dict[str, str]](dict), [], []
+    own = {unit: {v.own: v for v in description.variables} for unit, description in units.items()}
+    inputs: dict[str, str] = {}
+    for link in system.iter(_NAME("Description", "Connection")):
+        if len(link):
+            raise NotImportable("a connection of it changes values", "Connect what is equal.")
+        giver, given_name, taker, taken = (link.get(end, "") for end in ("startElement", "startConnector", "endElement", "endConnector"))  # fmt: skip
+        if not taker:
+            outputs.append(f"  output {names.new(taken)} = {words[giver]}.{own[giver][given_name].name}")
+            continue
+        item = own[taker][taken]
+        if not giver and given_name not in inputs:
+            inputs[given_name] = names.new(given_name)
+            lines.append(f"  input {declared(item, word=inputs[given_name])} = {_start(item, values.get(given_name))}")
+        given[taker][item.name] = f"{words[giver]}.{own[giver][given_name].name}" if giver else inputs[given_name]
+    for unit, description in units.items():
+        set_values = {v.name: _start(v, values[f"{unit}.{v.own}"]) for v in description.variables if f"{unit}.{v.own}" in values}  # fmt: skip
+        attributes = {STEP: STEP} | set_values | given[unit]
+        lines.append(f"  {kinds[unit]} {words[unit]} {{ {', '.join(f'{n} = {v}' for n, v in attributes.items())} }}")
+    steps = [description.step for description in units.values() if description.step is not None]
+    first = f" = {min(steps)!r} s" if steps else ""
+    head = [f"model {model} {{", f'  parameter {STEP}: s{first} "time between two exchanges"']
+    return Source(name, "\n".join([*head, *lines, *outputs, "}", ""]), path), sources
+
+
+def _start(item: UnitVariable, value: float | None) -> str:
+    """Return a value of a variable in the language; None means its own start."""
+    if value is None:
+        return value_of(item.start or 0.0, item)
+    return value_of(value if item.factor is None else item.factor * value + item.offset, item)
+
+
+def _values(archive: ZipFile, system: ElementTree.Element) -> Iterator[tuple[str, float]]:
+    """Yield what the sets of parameters set, by the names `unit.variable` and those of inputs."""
+    for owner in (system, *system.iter(_NAME("Description", "Component"))):
+        prefix = "" if owner is system else f"{owner.get('name')}."
+        for binding in owner.iterfind(f"{_NAME('Description', 'ParameterBindings')}/*"):
+            found = _parsed(archive, binding.get("source", "")) if "source" in binding.attrib else binding
+            for item in found.iter(_NAME("ParameterValues", "Parameter")):
+                real = item.find(_NAME("ParameterValues", "Real"))
+                if real is not None:
+                    yield f"{prefix}{binding.get('prefix', '')}{item.get('name')}", float(real.get("value", ""))
