@@ -20,7 +20,7 @@ from bondgraph.errors import (
     StepsCollapsed,
 )
 from bondgraph.simulation import repetition
-from bondgraph.studies import experiment_study, point_failure, runs, scalar_study
+from bondgraph.studies import experiment_study, point_failure, runs, scalar_study, workers
 from bondgraph.studies.workers import Workers
 from tests.studies.test_runs import SETTINGS, TEXT
 
@@ -28,7 +28,7 @@ BROKEN = (MemoryError("30 GB"), np.linalg.LinAlgError("singular"), OverflowError
 
 
 def breaking(monkeypatch: pytest.MonkeyPatch, broken: dict[float, BaseException]) -> None:
-    """Runs at some `k` raise something."""
+    """Runs at some `k`, each made alone, raise something."""
     plain = repetition.simulate
 
     def simulate(model: Any, request: Any) -> Any:
@@ -39,6 +39,7 @@ def breaking(monkeypatch: pytest.MonkeyPatch, broken: dict[float, BaseException]
     monkeypatch.setattr(runs, "simulate", simulate)
     monkeypatch.setattr(experiment_study, "simulate", simulate)
     monkeypatch.setattr(scalar_study, "simulate", simulate)
+    monkeypatch.setattr(workers, "simulate_together", lambda model, run, points: [None] * len(points))
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -105,6 +105,8 @@ def _onwards(indicators: EventIndicators, at: HybridState, conditions: IntArray)
         if one is None or other is None:
             return None
         differences.append(np.abs(other[0] - one[0]))
+        if not differences[-1].any():  # something else jumps there, as a count of steps
+            return None
         if len(differences) > 1 and not (differences[-2] <= VANISHES * differences[-1]).all():
             return None
     noise = indicators.noise(now)

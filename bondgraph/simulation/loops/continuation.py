@@ -21,7 +21,11 @@ from .loops import LoopSolver, SeparateLoop
 NEARLY = 0.1  # of a correction: what further ones may add to the first
 BESIDE = 0.25  # of the way at the greatest of the last speeds: most that a step is corrected by
 LAST = 8  # knots whose speeds count
-SLIGHT, ROUNDED = 1e-6, 1e-9  # of an unknown: corrections that need not be small beside the way, and that are rounding
+SLIGHT, ROUNDED, RESTS = (
+    1e-6,
+    1e-9,
+    1e-12,
+)  # of an unknown: corrections that need not be small beside the way, that are rounding, and none
 HOLDS = 1e-5  # of the terms of an equation: what may be left of it
 FIRST, FEWEST, SMALLEST = 1e-6, 32, 1e-9  # steps of a segment: the first, the least number of them, and the smallest
 GAPS, SUCCESSIVE = np.array([512.0, 1.0]), 32  # in smallest steps, over which an infinite rate is passed; in a row
@@ -106,6 +110,8 @@ class Continuation:
         start, last, places = self.times[-1], self.states[-1], PLACES
         times, guesses = start + places * (time - start), last + places[:, None] * (state - last)
         ends, good, _ = self._near(times[1:-1], guesses[1:-1])
+        if good.all() and (np.abs([*ends, state] - last) <= RESTS * self.loops.magnitude).all():
+            return True  # it rests, as where a law is flat throughout
         signs, sizes, *_ = self._determinants(times, np.concatenate([last[None], ends, state[None]]))
         with np.errstate(all="ignore"):
             changes = np.abs(np.diff(sizes)) > CHANGED
