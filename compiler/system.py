@@ -49,10 +49,11 @@ class UnitLink(NamedTuple):
 
 
 class System(NamedTuple):
-    """Units by name, that of the rest with the name of the model, and what goes between them."""
+    """Units by name, that of the rest with the name of the model, and what goes between them. `whole`: the model, of which that is an output."""
 
     units: Mapping[str, BondGraph]
     links: tuple[UnitLink, ...]
+    whole: BondGraph
 
 
 def cut(causal: CausalGraph, parts: Sequence[str]) -> System:
@@ -71,8 +72,8 @@ def cut(causal: CausalGraph, parts: Sequence[str]) -> System:
 
 
 def unit_alone(whole: Built, system: System, name: str) -> Built:
-    """Return one unit of a model, with the plan of its experiment."""
-    graph = system.units[name]
+    """Return one unit of a model, or with an empty name the whole, with the plan of its experiment."""
+    graph = system.units[name] if name else system.whole
     own = graph.quantities.keys() | {node.name for node in graph.nodes}
     tolerances = {n: t for n, t in whole.plan.tolerances.items() if n in own or n.rpartition(".")[0] in own}
     return replace(whole, graph=graph, plan=replace(whole.plan, tolerances=tolerances))
@@ -99,6 +100,7 @@ class _Cutter:
         self.parts = sorted(parts, key=len, reverse=True)  # of nested ones the inner one comes first
         self.units: dict[str, _Unit] = defaultdict(_Unit)
         self.links: dict[UnitLink, None] = {}
+        self.given: dict[str, Named] = {}  # by the names in links, as the whole has it
         self.rest = self.graph.name
         while self.rest.lower() in (part.lower() for part in parts):  # files are named after units
             self.rest += "_"
@@ -132,7 +134,8 @@ class _Cutter:
                     self._define(name, unit.waiting.pop())
         names = {owner: owner or self.rest for owner in self.units}
         links = tuple(k._replace(giver=names[k.giver], taker=names[k.taker]) for k in self.links)
-        return System({names[owner]: self._whole(owner) for owner in self.units}, links)
+        whole = replace(graph, outputs={**graph.outputs, **self.given})
+        return System({names[owner]: self._whole(owner) for owner in self.units}, links, whole)
 
     def _whole(self, owner: str) -> BondGraph:
         """Return the graph of a unit."""
@@ -195,6 +198,10 @@ class _Cutter:
         self.units[owner].outputs[result] = Named(
             result, "output", unit_of(bond.domain, answer), reading, None, bond.span
         )
+        wall = next(w for w, k in self.graph.walls.items() if k == number)
+        self.given[result] = replace(
+            self.units[owner].outputs[result], definition=Bound(ITSELF, (Reading(*wall, answer),))
+        )
         other = next(o for o in (self.owners[bond.tail.node], self.owners[bond.head.node]) if o != owner)
         self.links[UnitLink(owner, result, other, f"{self._port(other, number)}_{letter_of(bond.domain, answer)}")] = (
             None
@@ -255,6 +262,7 @@ class _Cutter:
             assert isinstance(reference, Reading)
             name, domain, span = self._reading(reference)
             named = Named(name, "output", unit_of(domain, reference.variable), Bound(ITSELF, (reference,)), None, span)
+        self.given.setdefault(named.name, named)
         return unit.outputs.setdefault(named.name, named)
 
     def _reading(self, reading: Reading) -> tuple[str, str, Span]:

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 from compiler import api
 
+from ..errors import RunFailed
+from ..simulation.run import run
+from ..simulation.run_options import RunOptions
 from .model_description import attributes, powers
 from .unit import FmuUnit, unit_of, zipped
 
@@ -20,6 +23,8 @@ if TYPE_CHECKING:
 
 _SPACES = 'xmlns:{0}="http://ssp-standard.org/SSP1/SystemStructure{1}" xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon"'
 _FIRST = '<?xml version="1.0" encoding="UTF-8"?>\n'
+
+SHORT = 1e-9  # part of the experiment that is run for the values at its start
 
 Place = tuple[str, str]  # a unit and one of its variables; the name of the unit is empty for the system itself
 Values = Mapping[str, float]
@@ -35,10 +40,12 @@ def ssp(
     whole = model.compilation(api.Scene(model.model, experiment, free=frozenset({"*"})))
     parts = tuple(parts) or tuple(name for name in whole.whole_graph.stands if "." not in name)
     cut = whole.system(parts)
-    units = {
-        name: unit_of(model, api.Scene(model.model, experiment or "", unit=(name, parts)), experiment, platforms, fmi)
-        for name in cut.units
-    }
+    at_start = _starts(model, experiment, parts, {k.given for k in cut.links}, whole.plan)
+    units = {}
+    for name in cut.units:
+        starts = {k.taken: at_start[k.given] for k in cut.links if k.taker == name and k.given in at_start}
+        scene = api.Scene(model.model, experiment or "", unit=(name, parts))
+        units[name] = unit_of(model, scene, experiment, platforms, fmi, starts=starts)
     links = [((k.giver, units[k.giver].names[k.given]), (k.taker, units[k.taker].names[k.taken])) for k in cut.links]
     _refuse_loops(units, links, whole)
     taken = {place for _, place in links}
@@ -57,6 +64,19 @@ def ssp(
         if values:
             files[f"resources/{name}.ssv"] = _parameter_set(name, values).encode("utf-8")
     return zipped(files)
+
+
+def _starts(
+    model: CompiledModel, experiment: str | None, parts: tuple[str, ...], names: Collection[str], plan: Plan
+) -> dict[str, float]:  # fmt: skip
+    """Return the values that go between units when a run begins: at 0 K a law may have none. None if the model does not run."""
+    scene = api.Scene(model.model, experiment, unit=("", parts))
+    to = plan.start + SHORT * ((1.0 if plan.stop is None else plan.stop) - plan.start)
+    try:
+        result = run(model, scene, {}, RunOptions(to=to, points=2))
+    except (RunFailed, api.CompilationFailed):
+        return {}
+    return {name: float(result[name][0]) for name in names}
 
 
 def _inputs(unit: FmuUnit) -> Iterator[tuple[str, str]]:

@@ -114,9 +114,10 @@ def fmu(
 
 
 def unit_of(
-    model: CompiledModel, first: Scene, experiment: str | None, platforms: Sequence[str], fmi: str, icon: UnitIcon | None = None
+    model: CompiledModel, first: Scene, experiment: str | None, platforms: Sequence[str], fmi: str, icon: UnitIcon | None = None,
+    starts: Mapping[str, float] | None = None,
 ) -> FmuUnit:  # fmt: skip
-    """Return the unit of a scene, which has the first experiment where none is named."""
+    """Return the unit of a scene, which has the first experiment where none is named. `starts`: of inputs."""
     for word in platforms or ("",):
         if word not in PLATFORMS:
             raise UsageError("BR640", f"there is no platform `{word}`; platforms are {', '.join(PLATFORMS)}")
@@ -132,6 +133,10 @@ def unit_of(
         None if experiment and first.unit is None else model.compiled_scene(replace(first, unit=None), True, "native")
     )
     values = start_values(compiled_scene, compilation, plan, experiment, example)
+    if starts:
+        variables_in = [compilation.lowered.space.variables[number] for number in compilation.lowered.inputs]
+        inputs = [starts.get(i.name, v) for i, v in zip(variables_in, values.inputs, strict=True)]
+        values = replace(values, inputs=inputs)
     module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
     descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
     variables = variables_of(compilation.lowered, structure, values, descriptions, version.number == "3.0")

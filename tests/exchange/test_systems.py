@@ -235,7 +235,7 @@ def test_nested_instances_and_lists_are_units(tmp_path: Path) -> None:
       signal gap = cell[1].v - cell[2].v }
     model Main {
       Row row
-      Sf drive : v = 1 [m/s]*sin(3 [1/s]*time)
+      Sf drive : v = 1 [m/s]*cos(3 [1/s]*time)
       drive -> row.a
       output gap = row.gap, v = row.cell[2].v
       experiment e { simulate 0 .. 1 s }
@@ -243,6 +243,9 @@ def test_nested_instances_and_lists_are_units(tmp_path: Path) -> None:
     file = written(text, "Main", tmp_path / "row.ssp", parts=("row.cell[1]", "row.cell[2]"), fmi="3")
     check(file, tmp_path)
     assert {n for n in contents(file) if n.endswith(".fmu")} == {"resources/Main.fmu", "resources/row_cell_1_.fmu", "resources/row_cell_2_.fmu"}  # fmt: skip
+    (tmp_path / "first.fmu").write_bytes(contents(file)["resources/row_cell_1_.fmu"])
+    starts = {v.name: v.start for v in read_model_description(str(tmp_path / "first.fmu")).modelVariables if v.causality == "input"}  # fmt: skip
+    assert {name: float(start) for name, start in starts.items()} == {"a_F": 1.0}  # of the damper, as in the whole
 
 
 def read_back(folder: Path, uses: str, text: str | None = None) -> bondgraph.Model:
