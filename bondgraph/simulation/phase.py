@@ -23,6 +23,7 @@ from .monitors.validity import ValidityMonitor
 from .phases.cancellation import terms_of_outputs
 from .phases.failures import explained, modes_in
 from .phases.notes import phase_doubts, phase_notes
+from .phases.run_program import RunProgram
 from .phases.solution import PhaseSolution, phase_energy
 from .phases.start import PhaseInitialization, settled_with_history
 from .phases.tolerances import MagnitudeSearch, PhaseMagnitudes, given_tolerances
@@ -75,25 +76,27 @@ class Phase:
 
     def __init__(
         self, compilation: CompiledScene, instants: Array, options: PhaseOptions, begin: PhaseTransition | None = None, companion: Companion | None = None,
-        modes: Mapping[str, float] | None = None, smooth: dict[Program, Timeline] | None = None,
+        modes: Mapping[str, float] | None = None, known: dict[Program, RunProgram] | None = None,
     ) -> None:  # fmt: skip
-        """`companion`, `modes`: of the ideal valves; `smooth`: segments of the programs of the run so far."""
+        """`companion`, `modes`: of the ideal valves; `known`: programs of the run so far."""
         self.compilation, self.instants, self.options, self.begin = compilation, instants, options, begin
         self.companion, self.modes_at_start = companion, modes or {}  # modes of the ideal valves
         hybrid = compilation.program.hybrid
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
         self.history = None if compilation.program.delays is None else self._history(compilation.program)
         self.program = program = compilation.program if self.history is None else self.history.program
-        values = run_values(program, self._given(program))
-        self.inputs = values.inputs
-        size = np.ones(len(program.states.names))
-        self.constraints = Constraints(program, values.parameters, self.inputs, size, values)
-        ends = instants[0] if begin is None else begin.time, float(instants[-1])
-        again = smooth is not None and (
-            program in smooth or self.history is not None
-        )  # its pilot runs show nothing new
-        course = self._timeline(program, ends, {} if smooth is None else smooth)
-        self.stretches, self.timed = course.segments, course.notes
+        ends, known = (
+            (instants[0] if begin is None else begin.time, float(instants[-1])),
+            {} if known is None else known,
+        )
+        again = program in known or self.history is not None  # its pilot runs show nothing new
+        known[program] = self.shared = known.get(program) or self._run_program(program, ends)
+        values, size = self.shared.values, np.ones(len(program.states.names))
+        self.inputs, self.constraints = (
+            values.inputs,
+            Constraints(program, values.parameters, values.inputs, size, values),
+        )
+        self.stretches = rest_of(self.shared.course.segments, ends[0])
         start = self._start()
         # a start finds redundant constraints and leaves them out
         self.parameters, self.constants = self.constraints.parameters, self.constraints.constants
@@ -101,6 +104,7 @@ class Phase:
         self.state, self.start_notes, self.events, self.jumps = start.state, start.notes, start.events, start.jumps
         if self.events is not None:
             self.events.record.record.relative = options.rtol
+            self.shared.events = None if self.constraints else self.events
         self.begins_without, self.goes_on_without = start.begins_without, start.goes_on_without
         magnitudes, guessed = ({}, frozenset[str]()) if begin is None else (begin.magnitudes, begin.guessed)
         self.guessed = guessed if again else frozenset[str]()  # names of what nothing has moved
@@ -108,7 +112,6 @@ class Phase:
         self.looked_from = self.state  # state from which a pilot run starts
         self.leaving: Leaving | None = None  # modal truncation at the bandwidth
         self.left_out: TruncationReport | None = None
-        self.given = given_tolerances(options.plan, program, compilation.facts)
         self.notes: tuple[str, ...] = ()
         self.doubts: tuple[ToleranceDoubt, ...] = ()  # about tolerances
         self.trajectory = Trajectory(np.empty((0, 0)))
@@ -137,27 +140,28 @@ class Phase:
                 parameters[places[name]] = value
         return parameters
 
-    def _timeline(self, program: Program, ends: tuple[float, float], known: dict[Program, Timeline]) -> Timeline:
-        """Return the segments of this phase, of those of its program in the whole run: searched from elsewhere, an instant would differ by its rounding,
-        and programs that take turns at it would disagree on what holds there. `known`: timelines of all programs of the run."""
-        if self.history is not None or program not in known:
-            constants, parts = self.constraints.constants, self.options.parts
-            whole = (ends[0] if self.history is not None else self.options.plan.start), ends[1]
-            course = self.constraints.recall(
-                "timeline",
-                (*whole, parts),
-                lambda: timeline_in_parts(program, constants, whole, parts),
-                lambda course: len(course.segments),
-            )
-            known[program] = replace(course, segments=aligned(course.segments, self.instants))
-        return replace(known[program], segments=rest_of(known[program].segments, ends[0]))
+    def _run_program(self, program: Program, ends: tuple[float, float]) -> RunProgram:
+        """Return what this phase shares with others of its program. Its segments are those of the whole run: searched from elsewhere, an instant would
+        differ by its rounding, and programs that take turns at it would disagree on what holds there."""
+        plan, parts, values = self.options.plan, self.options.parts, run_values(program, self._given(program))
+        whole = (ends[0] if self.history is not None else plan.start), ends[1]
+
+        def find() -> Timeline:
+            return timeline_in_parts(program, values.constants, whole, parts)
+
+        delayed = program.delays is not None
+        course = (
+            find() if delayed else values.recall("timeline", (*whole, parts), find, lambda course: len(course.segments))
+        )
+        course = replace(course, segments=aligned(course.segments, self.instants))
+        return RunProgram(values, course, given_tolerances(plan, program, self.compilation.facts))
 
     def _start(self) -> StartOfPhase:
         """Return the start of this phase. Raises `RunFailed`."""
         plan, first = self.options.plan, self.stretches[0]
         problem = PhaseInitialization(
-            self.compilation, self.constraints, plan, self.off, self.begin, self.companion, self.modes_at_start
-        )
+            self.compilation, self.constraints, plan, self.off, self.begin, self.companion, self.modes_at_start, self.shared.events
+        )  # fmt: skip
         start = problem.start(first, self.stretches[-1].stop - plan.start)
         if self.history is None or self.begin is not None:
             return start
@@ -180,7 +184,9 @@ class Phase:
 
     def tolerances(self) -> Tolerances:
         """Return absolute tolerances per state: the given value, else rtol times the magnitude."""
-        magnitude = self._magnitudes()
+        magnitude, last = self._magnitudes(), self.shared.tolerances
+        if last is not None and not self.constraints and last.magnitude.tobytes() == magnitude.tobytes():
+            return last
         rtol, atol = self.options.rtol, self.options.atol
         absolute = np.full(len(self.state), atol) if atol is not None else rtol * magnitude
         if atol is None and self.constraints:
@@ -190,9 +196,10 @@ class Phase:
         held = np.full(len(self.state), atol is not None)
         multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
         absolute[multipliers] = np.inf  # multipliers follow from the states, and have no bound near a singular pose
-        for index, value in self.given.items():
+        for index, value in self.shared.given.items():
             absolute[index], held[index] = value, True
-        return Tolerances(rtol, absolute, magnitude, held)
+        self.shared.tolerances = Tolerances(rtol, absolute, magnitude, held)
+        return self.shared.tolerances
 
     def _magnitudes(self) -> Any:
         """Return magnitudes of all states and unknowns."""
@@ -344,7 +351,7 @@ class Phase:
             self.history.window = (-np.inf, np.inf)
         assembled = self.constraints.assembled if self.begin is None else None  # only of the first phase
         undetermined = self.compilation.facts.undetermined
-        self.notes += phase_notes(self._solution(), self.timed, self.events, undetermined, assembled)
+        self.notes += phase_notes(self._solution(), self.shared.course.notes, self.events, undetermined, assembled)
         self.doubts += phase_doubts(self._solution(), self.options.rtol)
         self.instants = self.instants[: len(self.trajectory.states)]
         if self.options.bandwidth is not None:

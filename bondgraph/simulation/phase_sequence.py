@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ..results.truncation import TruncationReport
     from .events.complementarity import Companion
     from .events.impulse import StorageJump
-    from .segments.timeline import Timeline
+    from .phases.run_program import RunProgram
 
 MOST_CHOICES = 1000  # changes of the state selection in one run
 MOST_AT_ONCE = 100  # phases that begin at one instant
@@ -58,7 +58,8 @@ class PhaseSequence:
         wishes, tried = dict(self.scene.preferences), set[SwitchedStart]()
         begin, left, legs = self.begin, self.instants, self.legs
         companion, modes = self._companion(), dict[str, float]()
-        smooth: dict[Program, Timeline] = {}  # the segments of programs used before
+        known: dict[Program, RunProgram] = {}  # programs used before
+        scenes: dict[tuple[str, ...], Scene] = {}  # by the junctions that are off
         while not legs or begin is not None:
             self.leg = None
             preferences = tuple(sorted(wishes.items()))
@@ -67,7 +68,7 @@ class PhaseSequence:
             )
             try:
                 leg = Phase(
-                    self.made(chosen, self.energy), left, self.options, begin, companion, modes, smooth
+                    self.made(chosen, self.energy), left, self.options, begin, companion, modes, known
                 )  # fmt: skip
             except RunFailed:
                 if legs or modes or begin is not None or companion is None or not companion.valves:
@@ -91,6 +92,8 @@ class PhaseSequence:
             self.leg = leg
             leg.go()
             legs.append(leg)
+            if leg.trajectory.pieces:  # not each of many phases is to keep the rest of the run
+                del leg.stretches[1:-1]
             before, begin, left = begin, leg.trajectory.handover, left[len(leg.values) :]
             if begin is None:
                 break
@@ -99,7 +102,7 @@ class PhaseSequence:
                 _check_choice(self.made, self.scene, wishes, begin, len(legs))
             self.begins_now = begin
             if begin.off is not None:
-                self.scene = replace(self.scene, off=begin.off)
+                self.scene = scenes[begin.off] = scenes.get(begin.off) or replace(self.scene, off=begin.off)
             self._check_progress(begin)
             begin = _with_earlier(begin, before, leg)
 
@@ -211,13 +214,13 @@ def _left_out(legs: Sequence[Phase], balance: EnergyBalance | None) -> Truncatio
 
 def _with_earlier(begin: PhaseTransition, before: PhaseTransition | None, leg: Phase) -> PhaseTransition:
     """Return a handover completed by data of earlier programs: a state that is constant in one program may move in the next."""
-    begin = replace(begin, stored={**dict.fromkeys(leg.compilation.certificate.unexcited, 0.0), **begin.stored})
+    stored, peaks = {**dict.fromkeys(leg.compilation.certificate.unexcited, 0.0), **begin.stored}, begin.peaks
     if before is not None:
-        begin = replace(begin, stored={**before.stored, **begin.stored}, peaks={**before.peaks, **begin.peaks})
+        stored, peaks = {**before.stored, **stored}, {**before.peaks, **peaks}
     past = None if leg.history is None else leg.history.past()
     # what has got so far is told once
-    known = {n: max(m, peak) if (peak := begin.peaks.get(n, 0.0)) > BEYOND * m else m for n, m in leg.known.items()}
-    return replace(begin, magnitudes=known, guessed=leg.guessed, past=past)
+    known = {n: peaks[n] if n in peaks and peaks[n] > BEYOND * m else m for n, m in leg.known.items()}
+    return replace(begin, stored=stored, peaks=peaks, magnitudes=known, guessed=leg.guessed, past=past)
 
 
 def _impulses(legs: Sequence[Phase]) -> Iterator[str]:

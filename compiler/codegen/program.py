@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
+from functools import cached_property
 from typing import Any, TypeAlias
 
 from ..arrays import Array, IntArray
@@ -293,7 +294,7 @@ class Program:
         """True if a run has limits to check along its way, not at its start alone."""
         return not all(note.fixed for note in self.limits)
 
-    @property
+    @cached_property
     def variables(self) -> NameTable:
         """States, then unknowns of loops."""
         return NameTable((*self.states.names, *self.unknowns.names), (*self.states.units, *self.unknowns.units))

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from bondgraph.simulation.magnitudes.pilot_run import PilotRun
 from bondgraph.simulation.phases import start
 from tests.benchmarks import large_models
 from tests.compiling import MODELS
+from tests.library.test_ideal_switching import CUK
 
 pytestmark = pytest.mark.machine_code
 
@@ -271,6 +273,15 @@ def test_calls_of_a_run(model: str, parameter: str, value: float, same: int, oth
     called = called_in(lambda: loaded.simulate(settings={parameter: 1.02 * value}))
     assert called.count("evaluate") < 100
     assert len(called) < other
+
+
+def test_calls_of_each_switching_instant() -> None:
+    """A phase takes over segments, conditions and workspaces from the last one of its program."""
+    loaded = bondgraph.load(CUK)
+    loaded.simulate(to=1e-3, points=20)
+    called = called_in(partial(loaded.simulate, to=1e-3, points=20))
+    last = [place for place, name in enumerate(called) if name == "_continued"][-20:]
+    assert last[-1] - last[0] < 19 * 570  # they were 800
 
 
 def test_numbers_are_looked_at_again_if_they_are_others() -> None:

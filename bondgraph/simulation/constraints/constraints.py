@@ -68,6 +68,7 @@ class Constraints:
         self.taking = np.ones(self.all, dtype=bool)
         self.assembled: Assembled | None = None
         self._compiled: CompiledConstraints | None = None
+        self._no_loops: LoopSolver | None = None  # the last solver, which without loops is always the same
         self.scale(magnitude)
 
     def name_of(self, constraint: int) -> str:
@@ -102,7 +103,10 @@ class Constraints:
 
     def loops(self, magnitude: Array | None = None) -> LoopSolver:
         """Return the solver of the program's loops with these inputs and parameters; `magnitude`: of states and unknowns, if they are known."""
-        return LoopSolver(self.program, self.constants, self.inputs, magnitude, self.parameters)
+        if not self.program.unknowns.names and self._no_loops is not None:
+            return self._no_loops
+        self._no_loops = LoopSolver(self.program, self.constants, self.inputs, magnitude, self.parameters)
+        return self._no_loops
 
     def leave_out(self, taking: Any) -> None:
         """Deactivate redundant rows, here and, through the program's own parameters, in its equations."""
@@ -111,7 +115,7 @@ class Constraints:
             if place >= 0:
                 self.parameters[place] = float(takes)
         self.constants = self.program.constants(self.parameters)
-        self._compiled = None
+        self._compiled = self._no_loops = None
 
     def recall(
         self, kind: str, key: tuple[object, ...], find: Callable[[], Any], size: Callable[[Any], int] = lambda answer: 1

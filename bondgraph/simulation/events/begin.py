@@ -110,18 +110,23 @@ def begun(
 
 
 def continued(
-    constraints: Constraints, state: Array, first: Segment, begin: PhaseTransition, horizon: float, companion: Companion | None
+    constraints: Constraints, state: Array, first: Segment, begin: PhaseTransition, horizon: float, companion: Companion | None, before: Events | None
 ) -> tuple[Events, HybridState, tuple[StorageJump, ...]]:  # fmt: skip
-    """Return the events of a run that goes on in this program, the hybrid state at that instant, and the jumps there."""
+    """Return the events of a run that goes on in this program, the hybrid state at that instant, and the jumps there. `before`: those of the last phase
+    of the program."""
     program = constraints.program
-    names, hybrid = program.states.names, program.hybrid
+    hybrid = program.hybrid
     assert hybrid is not None
     full = carried_over(constraints, state, first, begin)
     mode = with_discrete_variables(hybrid, first.mode, begin.modes)
-    events = Events(constraints, np.abs(full), horizon, begin.units, dict(begin.on), companion=companion)
-    events.record.put({"until": first.stop})
-    known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in (*names, *program.unknowns.names)])
-    events.measure(np.where(known > 0, known, events.magnitude))
+    known = np.array([begin.magnitudes.get(n) or begin.peaks.get(n, 0.0) for n in program.variables.names])
+    magnitude = np.where(known > 0, known, np.abs(full))
+    if before is None:
+        events = Events(constraints, magnitude, horizon, companion=companion)
+    else:
+        events = before.anew(magnitude)
+    events.units, events.on = begin.units, dict(begin.on)
+    events.record.record.until = first.stop
     mode = events.guess(HybridState(first.start, full, mode))
     jumps: tuple[StorageJump, ...] = ()
     if hybrid.junctions:
@@ -159,8 +164,8 @@ def carried_over(constraints: Constraints, state: Array, first: Segment, begin: 
     Unknowns of loops stay as they were where their names are known, which preserves the branch among several solutions; else as in `state`.
     """
     states, unknowns = (names.names for names in (constraints.program.states, constraints.program.unknowns))
-    followed = (begin.unknowns.get(n, float(x)) for n, x in zip(unknowns, state[len(states) :], strict=True))
-    full = np.array([*(begin.stored[n] for n in states), *followed])
+    followed = [begin.unknowns.get(n, float(x)) for n, x in zip(unknowns, state[len(states) :], strict=True)]
+    full = np.array([*map(begin.stored.__getitem__, states), *followed])
     if not constraints:
         return full
     constraints.assembled = choose_rows(constraints, first.start, full, first.mode)

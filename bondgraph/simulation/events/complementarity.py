@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from operator import sub
 from typing import Any
 
 import numpy as np
@@ -136,14 +136,16 @@ class Companion:
 
     def _not_refused(self, at: Instant, guess: BoolArray, refused: frozenset[bytes]) -> Any:
         """Return the first conducting set, over the steps to try, that is not among refuted ones; None if there is none."""
-        problem = self._problem(at)
-        if self.decided == (*problem, guess.tobytes()) and guess.tobytes() not in refused:
+        problem, guessed = self._problem(at), guess.tobytes()
+        if self.decided == (*problem, guessed) and guessed not in refused:
             return guess  # the program of this set asks again
-        solved = (self._solved(at, guess, step) for step in self.steps(at.time))
-        sets = (found[0] for found in solved if found is not None)
-        result = next((on for on in sets if on.tobytes() not in refused), None)
-        self.decided = () if result is None else (*problem, result.tobytes())
-        return result
+        for step in self.steps(at.time):
+            solved = self._solved(at, guess, step)
+            if solved is not None and (key := solved[0].tobytes()) not in refused:
+                self.decided = *problem, key
+                return solved[0]
+        self.decided = ()
+        return None
 
     def _problem(self, at: Instant) -> tuple[object, ...]:
         """Return all that decides the conducting sets at an instant."""
@@ -161,8 +163,9 @@ class Companion:
 
     def _refused(self, time: float, problem: tuple[object, ...] | None = None) -> frozenset[bytes]:
         """Return the sets that were refuted at an instant; `problem`: only those that were refuted in it."""
-        pairs = self.against[1] if self.against[0] == time else frozenset()
-        return frozenset(on for on, refuted_in in pairs if problem in (None, refuted_in))
+        if self.against[0] != time:
+            return frozenset()
+        return frozenset(on for on, refuted_in in self.against[1] if problem in (None, refuted_in))
 
     def begin(self, time: float, off: tuple[str, ...]) -> dict[str, float]:
         """Return the modes of the valves at the beginning of a run, as far as the written start values decide them. `off`: other junctions that are off."""
@@ -171,7 +174,8 @@ class Companion:
 
     def step(self, share: float, time: float) -> float:
         """Return a step h: a fraction of the time between the last switching instants, long enough to be resolved in rounded time."""
-        usual = max((b - a for a, b in pairwise(self.instants[-RECENT:])), default=0.0) or self.horizon
+        recent = self.instants[-RECENT:]
+        usual = max(map(sub, recent[1:], recent), default=0.0) or self.horizon
         return max(share * min(usual, self.horizon), 1e3 * float(np.spacing(abs(time))))
 
     def steps(self, time: float) -> Iterator[float]:
@@ -307,19 +311,22 @@ class Companion:
         where = self._state(network, at, step)
         others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
         waves, on = np.zeros(count), np.array([*guess, *others, *network.fixed], dtype=bool)
-        here = self._outputs(network, at, where, (step, z, waves[None]))
-        network.wave = max(
-            network.wave, _largest_wave(here, z, count)
-        )  # quotients over less are the rounding of what is stored
-        size = network.wave or 1.0
+        signs, seen, size = np.concatenate([self.signs, np.ones(len(network.fixed))]), None, network.wave
+        if size and not len(network.last):  # that it is still the largest is seen beside the rest
+            seen = self._outputs(network, at, where, (step, z, np.concatenate([waves[None], size * np.eye(count)])))
+        here = self._outputs(network, at, where, (step, z, waves[None])) if seen is None else seen[:1]
+        # quotients over less are the rounding of what is stored
+        network.wave = max(network.wave, _largest_wave(here, z, count))
+        if size != network.wave:
+            seen, size = None, network.wave or 1.0
         for _ in range(NEWTON):
-            rows = np.concatenate([waves[None], waves + size * np.eye(count)])
-            seen = self._outputs(network, at, where, (step, z, rows))
+            if seen is None:
+                rows = np.concatenate([waves[None], waves + size * np.eye(count)])
+                seen = self._outputs(network, at, where, (step, z, rows))
             if not np.isfinite(seen).all():
                 return None
-            back = seen[:, :count] + z * seen[:, count : 2 * count]
+            back, seen = seen[:, :count] + z * seen[:, count : 2 * count], None
             slopes = (back[1:] - back[0]).T / size
-            signs = np.concatenate([self.signs, np.ones(len(network.fixed))])
             offset = signs * (back[0] - slopes @ waves)
             slopes = signs[:, None] * slopes * signs
             found = complementary(slopes, offset, on, len(self.valves) if valves is None else valves)
@@ -354,7 +361,7 @@ class Companion:
 
     def _network(self, off: tuple[str, ...]) -> CompanionNetwork:
         """Return the companion with these junctions off (no two-terminal switches), compiled at the first use."""
-        off = tuple(name for name in off if name not in self.gaps)
+        off = tuple([name for name in off if name not in self.gaps])
         if off not in self.networks:
             made = self.made(off)
             program = made.program
@@ -435,7 +442,7 @@ def complementary(slopes: Array, offset: Array, guess: BoolArray, valves: int) -
     for _ in range(MOST_PIVOTS):
         matrix.reshape(-1)[:: count + 1] = np.where(on, diagonal + 1, diagonal - 1)
         sizes, firm = _least(matrix, offset, slopes)
-        wrong = np.flatnonzero(sizes[:valves] < -ZERO * np.abs(sizes).max())
+        wrong = (sizes[:valves] < -ZERO * np.abs(sizes).max()).nonzero()[0]
         if not len(wrong):
             return (on, -sizes, np.where(on, sizes, -sizes)) if firm else None
         if len(wrong) < best:

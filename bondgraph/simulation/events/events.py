@@ -50,20 +50,28 @@ class Events(EventIndicators):
         super().__post_init__()
         hybrid = self.hybrid
         self.keys = [(e.owner, e.span.start) for e in hybrid.events]
-        self.left: dict[tuple[str, int], int] = {}  # times in a row that an event made its condition false
         self.sampled = np.array([i for i, e in enumerate(hybrid.events) if e.sampled], dtype=int)
         self.sampling = sampling_of(hybrid.sampling(self.constants))
         delays = zip(self.sampled.tolist(), self.sampling[:, 2].tolist(), strict=True)
         self.at_once = frozenset(i for i, delay in delays if hybrid.events[i].late and not delay)
         self.bounds = bounds_of(self.program, self.inputs, self.constants, len(self.places))
+        companion = self.companion
+        self.valves = ValveSwitching(self, companion, self.keys) if companion is not None and companion.valves else None
+
+    def _forget(self) -> None:
+        super()._forget()
+        self.left: dict[tuple[str, int], int] = {}  # times in a row that an event made its condition false
         self.reach = np.zeros(len(self.places))  # largest range of each narrow condition that a part of a step has had
         self.spacing = np.inf  # length of the part of a step in which the last zero crossing was found, s
         # narrow conditions that a step could not be searched for to the end
         self.crowded = np.zeros(len(self.places), dtype=bool)
         # first instant, s, at which a condition that only events read comes within rounding of its threshold
         self.touches: dict[int, float] = {}
-        companion = self.companion
-        self.valves = ValveSwitching(self, companion, self.keys) if companion is not None and companion.valves else None
+
+    def anew(self, magnitude: Array) -> Events:
+        other = super().anew(magnitude)
+        other.on, other.log = {}, []
+        return other
 
     def stops_at_start(self, time: float) -> bool:
         """Return True if a `stop when` holds where a run begins, and see that it is recorded there: at a rest nothing becomes true."""
@@ -90,8 +98,9 @@ class Events(EventIndicators):
         self.count_in(HybridState(at.time, at.state, mode))
         now = settled(self, HybridState(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
-            triggers = self.triggers(now)
+            triggers, contradicted = self.triggers(now), False
             if self.valves is not None:
+                contradicted = bool(triggers[self.valves.events].any())
                 triggers[self.valves.events] = False
             holds = dict(zip(self.keys, triggers.tolist(), strict=True))
             rising = [*due, *(i for i, key in enumerate(self.keys) if holds[key] and not self.on.get(key, False))]
@@ -99,7 +108,7 @@ class Events(EventIndicators):
             self.on |= holds
             if not rising:
                 if self.valves is not None:
-                    now, switching = self.valves.after(now, at)
+                    now, switching = self.valves.after(self, now, at, contradicted)
                     acted += switching
                 break
             acted += rising

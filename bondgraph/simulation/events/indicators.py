@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..integrators.acceptance.event_indicators import NOISE, SLOWLY
 from ..integrators.compiled.indicator_record import indicator_record, interpreted_record
+from ..integrators.compiled.record_layout import RecordArray
 
 if TYPE_CHECKING:
     from ..segments.units import CoSimulatedUnits
@@ -62,9 +63,27 @@ class EventIndicators:
         self.strict = np.array([c.strict for c in hybrid.conditions], dtype=bool)
         self.all_strict = bool(self.strict.all())
         self.steers = np.array([c.steers for c in hybrid.conditions], dtype=bool)
+        self.fresh: Any = None  # the record as it begins, for other phases
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin as if nothing had been seen yet."""
         self.floor = np.zeros(len(self.places))  # rounding of roots that were zero at the last instant
         # roots that leave zero more slowly than a look ahead shows at once
         self.slow = np.zeros(len(self.places), dtype=bool)
+
+    def anew(self, magnitude: Array) -> Self:
+        """Return the indicators of another phase, which takes over the record."""
+        other = object.__new__(type(self))  # as `copy`, of which each phase would feel the time
+        other.__dict__.update(self.__dict__)
+        if isinstance(other.record, RecordArray) and other.fresh is not None:
+            other.record.restore(other.fresh)
+        else:
+            other.record = indicator_record(self.program, self.inputs, self.constants, self.horizon)
+            other.fresh = other.record.saved(()) if isinstance(other.record, RecordArray) else None
+        other._forget()
+        other.measure(magnitude)
+        return other
 
     def measure(self, magnitude: Array) -> None:
         """Set the magnitudes of states and unknowns."""
@@ -76,6 +95,8 @@ class EventIndicators:
 
     def measure_anew(self, magnitude: Array, at: HybridState) -> None:
         """Set better magnitudes, and what counts as rounding of the roots at this hybrid state by them: where nothing was known, a magnitude was 1."""
+        if (magnitude == self.magnitude).all() and not self.slow.any():
+            return
         before = self.noise(at)
         same = (before.all() and not self.floor.any()) or (magnitude == self.magnitude).all()
         if same and not self.slow.any():
@@ -137,8 +158,8 @@ class EventIndicators:
 
     def actives(self, at: HybridState) -> tuple[str, ...]:
         """Return the switched junctions that are off."""
-        active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode)
-        return tuple(name for (name, _), on in zip(self.hybrid.junctions, active.tolist(), strict=True) if on != 1.0)
+        active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode).tolist()
+        return tuple([name for (name, _), on in zip(self.hybrid.junctions, active, strict=True) if on != 1.0])
 
     def solved(self, at: HybridState) -> HybridState:
         """Return a hybrid state on the constraints, with the unknowns of loops that belong to it."""

@@ -20,7 +20,7 @@ class ValveSwitching:
 
     def __init__(self, indicators: EventIndicators, companion: Companion, keys: Sequence[tuple[str, int]]) -> None:
         """`keys`: owner and place of each event."""
-        self.indicators, self.companion = indicators, companion
+        self.companion = companion
         valves, hybrid = companion.valves, indicators.hybrid
         self.modes = np.array([hybrid.modes.names.index(v.mode) for v in valves], dtype=int)
         self.conducts = np.array([v.conducting for v in valves])
@@ -29,20 +29,24 @@ class ValveSwitching:
         own = [(c.owner, c.span.start) for c in hybrid.conditions]
         self.conditions = np.array([k for k, key in enumerate(own) if key in chosen], dtype=int)
 
-    def after(self, at: HybridState, before: HybridState) -> tuple[HybridState, list[int]]:
+    def after(
+        self, indicators: EventIndicators, at: HybridState, before: HybridState, contradicted: bool
+    ) -> tuple[HybridState, list[int]]:
         """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on.
 
-        `before`: the state before the instant. If other junctions have switched since, this program cannot contradict the set: the next one can.
+        `before`: the state before the instant; `contradicted`: True if the switching condition of one of them holds.
+
+        If other junctions have switched since, this program cannot contradict the set: the next one can.
         """
-        companion = self.companion
-        instant = self._instant(at)
+        companion, off = self.companion, indicators.actives(at)
+        instant = self._instant(indicators, at, off)
         said = at.mode[self.modes] == self.conducts
         found = companion.conducting(instant, said)
         if (found == said).all():
-            if self.indicators.actives(at) != self.indicators.actives(before) or not self._contradicted(at):
+            if off != indicators.actives(before) or not contradicted:
                 return at, []
             other = companion.another(instant, said)
-            if other is None and self._upheld(at):
+            if other is None and self._upheld(indicators, at):
                 companion.against = at.time, frozenset()
                 return at, []
             found = companion.again(instant, said) if other is None else other
@@ -54,11 +58,11 @@ class ValveSwitching:
     def switched(self, before: Array, after: Array) -> list[int]:
         """Return the events of the valves that conduct in one of two modes only, as they act to reach the second."""
         was, conducts = (np.asarray(mode)[self.modes] == self.conducts for mode in (before, after))
-        return [int(self.events[k, 0 if conducts[k] else 1]) for k in np.flatnonzero(conducts != was)]
+        return [int(self.events[k, 0 if conducts[k] else 1]) for k in (conducts != was).nonzero()[0]]
 
-    def _instant(self, at: HybridState) -> Instant:
-        """Return all stored quantities and discrete variables, by name."""
-        program, indicators = self.indicators.program, self.indicators
+    def _instant(self, indicators: EventIndicators, at: HybridState, off: Sequence[str]) -> Instant:
+        """Return all stored quantities and discrete variables, by name. `off`: the junctions that are off."""
+        program = indicators.program
         fixed = (indicators.inputs, indicators.constants, at.mode)
         stored = self.companion.stored
         stored.update(zip(program.states.names, at.state.tolist(), strict=False))
@@ -66,19 +70,15 @@ class ValveSwitching:
             stored.update(
                 zip(program.dependents.names, program.dependent(at.time, at.state, *fixed).tolist(), strict=True)
             )
-        off = tuple(name for name in indicators.actives(at) if name not in self.companion.junctions)
-        return Instant(at.time, stored, discrete_variables(indicators.hybrid, at.mode), off)
+        others = tuple([name for name in off if name not in self.companion.junctions])
+        return Instant(at.time, stored, discrete_variables(indicators.hybrid, at.mode), others)
 
-    def _contradicted(self, at: HybridState) -> bool:
-        """Return True if the switching condition of a conducting or blocking valve holds just after this hybrid state."""
-        return bool(self.indicators.triggers(at)[self.events].any())
-
-    def _upheld(self, at: HybridState) -> bool:
+    def _upheld(self, indicators: EventIndicators, at: HybridState) -> bool:
         """Return True if no valve has a positive effort while it blocks, or a negative flow while it conducts, beyond rounding.
 
         Violations below rounding are ignored, and not taken for a zero crossing later.
         """
-        indicators, places = self.indicators, self.conditions
+        places = self.conditions
         roots = indicators.roots(at.time, at.state, at.mode)
         against = np.zeros(len(roots), dtype=bool)
         against[places] = indicators.truth(roots)[places]

@@ -17,7 +17,6 @@ from ..integrators.acceptance.event_passing import HARMLESS, SHORT
 from ..monitors.validity import ValidityMonitor
 from ..segments.timeline import Segment, discrete_variables, mode_after, with_time_of
 from ..segments.trajectory import Tolerances, Trajectory
-from ..segments.transition import PhaseTransition
 from .integration_state import PhaseProblem
 from .segment_integrator import SegmentIntegrator
 
@@ -48,7 +47,7 @@ class EventIntegrator(SegmentIntegrator):
     def run_to_end(self, stretch: Segment, x: Array, first: bool) -> Any:
         """Integrate one segment, from event to event; return the state at its end."""
         events, result = self.events, self.result
-        events.record.put({"until": stretch.stop})
+        events.record.record.until = stretch.stop
         now = HybridState(stretch.start, x, stretch.mode)
         if first:
             self._stop_at(now.time)
@@ -66,7 +65,7 @@ class EventIntegrator(SegmentIntegrator):
             flip, self.flip, self.mode = self.flip, None, self.piece.mode
             stop = self.reached if flip is None else flip.time
             if result.handover is not None:
-                result.handover = self._carrying(result.handover)
+                result.handover = replace(result.handover, **self._carried(self.off))
                 stop = result.handover.time
             result.pieces.append(Segment(self.piece.start, stop, self.mode))
             if result.handover is not None or (flip is None and stop >= stretch.stop):
@@ -122,18 +121,13 @@ class EventIntegrator(SegmentIntegrator):
         self.switched = True
         if choice is None:
             return True
-        handover = choice.transition(now.time, now.state, now.mode)
-        self.result.handover = self._carrying(replace(handover, off=off))
+        self.result.handover = choice.transition(now.time, now.state, now.mode, **self._carried(off))
         return True
 
-    def _carrying(self, handover: PhaseTransition) -> PhaseTransition:
-        """Return the handover with the discrete variables, and the truth of the events' conditions."""
-        events = self.events
-        if handover.off is None:
-            handover = replace(handover, off=self.off)
-        return replace(
-            handover, modes=discrete_variables(events.hybrid, self.mode), on=dict(events.on), units=events.units
-        )
+    def _carried(self, off: tuple[str, ...]) -> dict[str, Any]:
+        """Return the fields of a transition with the junctions that are off, the discrete variables, and the truth of the events' conditions."""
+        events, modes = self.events, discrete_variables(self.events.hybrid, self.mode)
+        return {"off": off, "modes": modes, "on": dict(events.on), "units": events.units}
 
     def flips_just_ahead(self, told: StepsCollapsed, stretch: Segment) -> bool:
         """Return True if a condition crosses zero so soon that no step can resolve it: a law ends there (`sqrt(x) if x > 0`)."""

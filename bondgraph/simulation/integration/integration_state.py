@@ -121,7 +121,6 @@ class IntegrationState:
         self._signals: dict[tuple[float, bytes], Signals] = {}
         self.exponentials: dict[tuple[bytes, bytes], tuple[Any, Any, Any]] = {}  # of linear segments, by their matrices
         self.forms: dict[bytes, Linear] = {}  # linear forms checked so far, by matrix
-        self.blurred: dict[tuple[str, bytes], bool] = {}  # True for modes, and matrices, that rounding changes too much
         self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
         self.result = into if into is not None else empty(program, instants)
 
@@ -171,6 +170,9 @@ class IntegrationState:
 
     def signals(self, stretch: Segment) -> Signals:
         """Return the signals of time on a segment, or on a longer one that ends with it: events cut one segment into many."""
+        silent: Signals | None = self.program.kept.get("silent")
+        if silent is not None:
+            return silent
         hybrid, mode = self.program.hybrid, np.asarray(stretch.mode)
         key = stretch.stop, mode.tobytes() if hybrid is None or hybrid.switches_signals else b""
         if key not in self._signals:
@@ -180,12 +182,14 @@ class IntegrationState:
             self._signals[key] = self.constraints.recall(
                 "signals", (*stretch.key, self.whole), lambda: signals_on(*fixed, stretch, self.whole)
             )
+            if not len(self._signals[key].allowed):  # there are none
+                self.program.kept["silent"] = self._signals[key]
         return self._signals[key]
 
     def done(self, x: Array, mode: Array) -> Trajectory:
         """Return the trajectory, with the state and the mode at the end."""
         if self.result.handover is not None:
-            self.result.states = self.result.states[: self.position]
+            self.result.states = self.result.states[: self.position].copy()  # the rest needs no memory any more
             self.result.kept = None
         self.result.states[self.position :] = x
         self.position = len(self.result.states)

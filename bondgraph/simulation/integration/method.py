@@ -136,7 +136,7 @@ def _inexact(stepper: IntegrationState, stretch: Segment) -> str:
     signals = stepper.signals(stretch)
     if len(signals.allowed) and not signals.steady:
         return "signals"
-    blurred, mode = stepper.blurred, ("mode", np.asarray(stretch.mode).tobytes())
+    blurred, mode = stepper.tolerances.kept, ("mode", np.asarray(stretch.mode).tobytes())
     if mode not in blurred:
         magnitude, fixed = stepper.tolerances.magnitude, (stepper.inputs, stepper.constants, stretch.mode)
         matrix = np.asarray(stepper.program.jacobian(stretch.start, np.zeros(len(magnitude)), *fixed), dtype=float)

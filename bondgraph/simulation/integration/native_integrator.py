@@ -110,9 +110,12 @@ class NativeIntegrator:
         self.passed = 0  # number of steps after which Python has acted
         self.events: PassedEvents | None = None
         self.begins, method = begins, begins.method
+        begun: CompiledMethod | None = self.tolerances.kept.get("workspace") if METHODS[method].exact else None
         if begins.workspace is not None:
             solver = self.solver = begins.workspace
             solver.begin_once_more(stretch.mode)
+        elif begun is not None:
+            solver = self.solver = begun
         else:
             solver = self.solver = _solver(stepper, stretch, x, method)
             solver.fixed_size = size
@@ -128,7 +131,13 @@ class NativeIntegrator:
         if stepper.extremes is not None:
             solver.keep_places(PLACES)
         solver.doubt(stepper.floor)
-        solver.begin()
+        if begun is not None:
+            solver.record.rounded, solver.left[:] = 0.0, 0
+            solver.begin_at(stretch, x, stepper.signals(stretch), method, _automatic(stepper, method))
+        else:
+            solver.begin()
+        if solver.native and METHODS[method].exact:
+            self.tolerances.kept["workspace"] = solver
         if begins.key is not None and size is None:
             solver.save()
             begins.workspace = solver
@@ -291,6 +300,7 @@ class NativeIntegrator:
             self._follow()
         elif answer == STIFF:
             stepper.result.settled = RADAU
+            self.tolerances.kept.pop("workspace", None)  # it is no longer as one of its method begins
             stepper.name(RADAU, target_of(stepper))
             solver.go_on_with(RADAU)
         elif answer == HANDOVER:

@@ -39,13 +39,13 @@ def _room(program: Program, events: Events) -> dict[str, Any]:
 def is_passable(stepper: IntegrationState) -> bool:
     """Return True if machine code may pass the usual events of a run: nothing but states, modes and conditions changes at them, and nobody looks on."""
     program, events = stepper.program, stepper.events
-    if events is None or program.native is None or not len(events.places):
+    if events is None or events.valves is not None or program.native is None or not len(events.places):
         return False
     hybrid = events.hybrid
     looks_on = stepper.powers is not None or stepper.extremes is not None or stepper.history is not None
     looks_on = looks_on or bool(stepper.choice) or len(program.limits) > 0 or events.bounds is not None
     ties = bool(program.unknowns.names) or bool(stepper.constraints) or bool(program.jumping.names)
-    special = bool(events.counted) or hybrid.switches_signals or events.valves is not None
+    special = bool(events.counted) or hybrid.switches_signals
     computed = any(s.kind == "computed" for event in hybrid.events for s in event.settings)
     return not (looks_on or ties or special or computed) and len(set(events.keys)) == len(events.keys)
 

@@ -62,10 +62,11 @@ class Choice:
         element = self._element(self.columns[worst])
         return replace(self.transition(time, state, mode), dependent=dependent, state=element)
 
-    def transition(self, time: float, state: Array, mode: Array) -> PhaseTransition:
-        """Return the transition of another program that goes on here, near the solutions of the loops as they are."""
+    def transition(self, time: float, state: Array, mode: Array, **more: Any) -> PhaseTransition:
+        """Return the transition of another program that goes on here, near the solutions of the loops as they are. `more`: its other fields."""
         names, solved = self.program.unknowns.names, state[len(self.program.states.names) :].tolist()
-        return PhaseTransition(time, *self.stored(time, state, mode), unknowns=dict(zip(names, solved, strict=True)))
+        unknowns = dict(zip(names, solved, strict=True))
+        return PhaseTransition(time, *self.stored(time, state, mode), unknowns=unknowns, **more)
 
     def _gain(self, time: float, state: Array, mode: Array) -> Any:
         """Return the relative changes of dependent storages per relative change of a state, shape (chosen,)."""

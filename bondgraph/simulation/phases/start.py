@@ -65,6 +65,7 @@ class PhaseInitialization:
     begin: PhaseTransition | None
     companion: Companion | None
     modes: Mapping[str, float]
+    before: Events | None = None  # of the last phase of the program in the run
 
     @property
     def program(self) -> Program:
@@ -74,7 +75,8 @@ class PhaseInitialization:
     def start(self, first: Segment, horizon: float) -> StartOfPhase:
         """Return the start of a phase; `first`: its first segment, `horizon`: length of the run. Raises `RunFailed`."""
         if self.begin is not None:
-            return self._continued(self.begin, self._written(), first, horizon)
+            again = self.before is not None and not self.program.unknowns.names  # nothing of what is written is read
+            return self._continued(self.begin, np.zeros(0) if again else self._written(), first, horizon)
         start = self._consistent(first, horizon)
         return start if self.program.hybrid is None else self._after_events(start, horizon)
 
@@ -100,10 +102,12 @@ class PhaseInitialization:
         from ..events.begin import continued
         from ..events.impulse import refuse_jumps_of_mechanisms
 
-        events, at, jumps = continued(constraints, state, first, begin, horizon, self.companion)
+        events, at, jumps = continued(constraints, state, first, begin, horizon, self.companion, self.before)
         if self.companion is not None and self.companion.valves:
             refuse_jumps_of_mechanisms(jumps, self.compilation.facts.mechanisms, first.start)
-        return StartOfPhase(at.state, replace(first, mode=at.mode), self.off, self.off, (), events, jumps)
+        return StartOfPhase(
+            at.state, first.up_to(first.start, first.stop, at.mode), self.off, self.off, (), events, jumps
+        )
 
     def _after_events(self, before: StartOfPhase, horizon: float) -> StartOfPhase:
         """Return the start after all events at the first instant."""

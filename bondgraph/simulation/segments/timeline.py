@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ulp
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -209,20 +210,18 @@ def timeline_in_parts(program: Program, constants: Array, ends: tuple[float, flo
     )
 
 
-def rest_of(stretches: Sequence[Segment], start: float) -> list[Segment]:
+def rest_of(stretches: list[Segment], start: float) -> list[Segment]:
     """Return the remainder of the segments from an instant on; the last one always remains, even if only its end is left."""
-    first = bisect_right(stretches, start, key=lambda s: s.stop)
-    while first < len(stretches) - 1 and stretches[first].stop - start <= ROUNDING * np.spacing(abs(start)):
+    first = bisect_right(stretches, start, key=attrgetter("stop"))
+    while first < len(stretches) - 1 and stretches[first].stop - start <= ROUNDING * ulp(start):
         first += 1
-    rest = list(stretches[min(first, len(stretches) - 1) :])
+    rest = stretches[min(first, len(stretches) - 1) :]
     rest[0] = rest[0].up_to(start, rest[0].stop)
     return rest
 
 
 def aligned(stretches: list[Segment], instants: Array) -> list[Segment]:
     """Return the segments with ends moved down to reported instants that differ from them by rounding: values hold from a jump on."""
-    if len(stretches) < 2:
-        return stretches
     edges, parts = [s.start for s in stretches[1:]], list(stretches)
     below = np.maximum(np.searchsorted(instants, edges) - 1, 0)
     for i, (edge, near) in enumerate(zip(edges, instants[below].tolist(), strict=True)):
@@ -365,7 +364,7 @@ def with_time_of(program: Program, mode: Array, before: Array) -> Any:
 
 def discrete_variables(hybrid: Hybrid, mode: Array) -> dict[str, float]:
     """Return the discrete variables of a mode, which come first, by name."""
-    return dict(zip(hybrid.modes.names, map(float, mode), strict=False))
+    return dict(zip(hybrid.modes.names, mode.tolist(), strict=False))
 
 
 def with_discrete_variables(hybrid: Hybrid, mode: Array, values: Mapping[str, float]) -> Any:

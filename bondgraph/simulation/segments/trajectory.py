@@ -25,6 +25,9 @@ class Tolerances:
     absolute: Any
     magnitude: Any
     held: Any
+    kept: dict[object, Any] = field(
+        default_factory=dict, compare=False
+    )  # what steps with them leave to other phases of the program
 
     @property
     def scaled(self) -> Any:

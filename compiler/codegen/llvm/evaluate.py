@@ -121,27 +121,36 @@ def _function(address: int, many: Any, arguments: Sequence[str], size: int, code
 
 
 def _at_once(address: int, many: Any, otherwise: Function, size: int) -> Function:
-    """Function of all arguments, fast for one instant and for several instants with a state each. `otherwise` does all other calls."""
+    """Function of all arguments, fast for one instant and for several instants with a state each, or also inputs. `otherwise` does all other calls."""
     one, at = _One(address), ctypes.addressof
-    view: Callable[[Any], Any] = ctypes.c_char.from_buffer
+    view: Callable[[Any], Any] = (ctypes.c_char * 0).from_buffer
+    last: tuple[Any, ...] = (
+        None,
+    ) * 4  # inputs and constants of the last call for one instant, with views: most share them
 
     def evaluate(time: Any, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
         if not (
             type(state) is type(inputs) is type(constants) is type(mode) is np.ndarray
-            and inputs.ndim == constants.ndim == mode.ndim == 1
+            and constants.ndim == mode.ndim == 1
             and state.dtype is inputs.dtype is constants.dtype is mode.dtype is _DOUBLE
         ):
             return otherwise(time, state, inputs, constants, mode)
-        single = state.ndim == 1 and (type(time) is float or not np.ndim(time))
-        if not single and not (_is_plain(time) and state.ndim == 2 and len(state) == len(time)):
+        single = state.ndim == inputs.ndim == 1 and (type(time) is float or not np.ndim(time))
+        several = not single and _is_plain(time) and state.ndim == 2 and len(state) == len(time)
+        if not single and not (several and (inputs.ndim == 1 or inputs.shape[:-1] == time.shape)):
             return otherwise(time, state, inputs, constants, mode)
         out = np.empty(size if single else (len(time), size))
         try:
-            places = [at(view(a)) if a.size else _NOWHERE for a in (state, inputs, constants, mode, out)]
-            if single:
-                one(time, *places)
-            else:
-                many(address, len(time), _arrays(at(view(time)), *places, 1, state.shape[1], 0, 0, 0, size))
+            if several:
+                places = [at(view(a)) if a.size else _NOWHERE for a in (state, inputs, constants, mode, out)]
+                by_row = inputs.shape[1] if inputs.ndim > 1 else 0
+                many(address, len(time), _arrays(at(view(time)), *places, 1, state.shape[1], by_row, 0, 0, size))
+                return out
+            nonlocal last
+            fixed = last
+            if fixed[0] is not inputs or fixed[1] is not constants:
+                fixed = last = inputs, constants, view(inputs), view(constants)
+            one(time, view(state), *fixed[2:], view(mode), view(out))
         except TypeError:  # not contiguous, or not to be written
             return otherwise(time, state, inputs, constants, mode)
         return out

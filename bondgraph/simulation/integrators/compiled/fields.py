@@ -91,7 +91,7 @@ def room_of(program: Program, method: int, signals: int, bends: int, peaks: int)
 def fields_at(stretch: Segment, signals: Signals, method: int, automatic: int) -> dict[str, Any]:
     """Return the numbers with which an `IntegratorWorkspace` goes on at the start of another segment."""
     earliest, latest = inside(stretch)
-    return signal_fields(signals, stretch.start) | {
+    return (signal_fields(signals, stretch.start) if len(signals.allowed) else {}) | {
         "time": stretch.start, "stop": float(stretch.stop), "until": float(stretch.stop), "earliest": earliest, "latest": latest,
         "method": method, "automatic": automatic,
     }  # fmt: skip
