@@ -369,6 +369,27 @@ def test_cuts_that_cannot_be_are_told_with_their_reason() -> None:
     assert refused("model Main { I m : p = 1 kg*v\n Se s : F = 1 N\n s -> 1(m) }", "m").startswith("BG621")
 
 
+def test_what_a_part_remembers_stays_in_it() -> None:
+    """A mode that is set after a delay, a relay and an integral of an input; nothing is left for the rest."""
+    text = """model Part {
+      input u = 0
+      mode level = 0
+      every 10 ms delay 2 ms { level = 2*u }
+      output y = level + integral(u/1 s, 0), on = hysteresis(u, -1, 1, false)
+    }
+    model Main {
+      Part part { u = sin(time/1 s) + below.y }
+      Part below
+      output twice = 2*part.y
+      experiment e { simulate 0 .. 1 s }
+    }"""
+    scene = api.Scene("Main", None, free=frozenset({"*"}))
+    system = bondgraph.load(text, "Main").compilation(scene).system(("part", "below"))
+    assert set(system.links) == {("below", "below.y", "part", "below.y")}
+    counts = {name: (len(unit.events), sum(q.role == "mode" for q in unit.quantities.values()), len(unit.integrals)) for name, unit in system.units.items()}  # fmt: skip
+    assert counts == {"part": (3, 2, 1), "below": (3, 2, 1)}
+
+
 def test_the_strokes_of_the_whole_say_what_comes_in() -> None:
     """The wheel gives its speed, the body its force; the rest is one unit, with the name of the model."""
     compilation = bondgraph.load(CAR, "Car").compilation(api.Scene("Car", None, free=frozenset({"*"})))
