@@ -52,13 +52,12 @@ from .semantics.names.compound_units import ambiguous_products, in_one_literal, 
 from .semantics.names.errors import TooLongRow
 from .source import Source
 from .syntax import SyntaxTree, parse
-from .system import System, cut, unit_alone
 
 if TYPE_CHECKING:
     from .codegen.program_image import ProgramImage
+    from .system import System
 
 MOST_TIES = 60  # storages whose derivative form is tried where a loop is singular
-MANY = 1_000_000  # more loops than any model has
 
 
 @dataclass(eq=False)
@@ -85,12 +84,14 @@ class Compilation:
     def _built(self) -> Built:
         if self.scene.unit is not None:
             whole = replace(self, scene=replace(self.scene, unit=None))
-            return unit_alone(whole._built, whole.system(self.scene.unit[1]), self.scene.unit[0])
+            return whole.system(self.scene.unit[1]).alone(whole._built, self.scene.unit[0])
         with uncollected():
             return build_graph(self.tree, self.scene, self.library, self.most_parts)
 
     def system(self, parts: Sequence[str]) -> System:
         """The model cut at the ports of some instances."""
+        from .system import cut
+
         with self._instances():
             return cut(assign_causality(preferring(self.whole_graph, dict.fromkeys(self.given_way))), parts)
 
@@ -331,7 +332,7 @@ class Compilation:
             refuse_singular_loops(linear_loops(found.reduced, found.equations, self.scene.free))
         except CompilationFailed as failed:
             own = all(isinstance(d, SingularLoop) for d in failed.diagnostics)
-            return len(failed.diagnostics) if own else MANY
+            return len(failed.diagnostics) if own else 1_000_000  # more loops than any model has
         self.__dict__.update(graph=graph, causal=found.causal, equations=found.equations, _reduced=found.reduced)
         return 0
 

@@ -55,6 +55,13 @@ class System(NamedTuple):
     links: tuple[UnitLink, ...]
     whole: BondGraph
 
+    def alone(self, built: Built, name: str) -> Built:
+        """Return one unit of a model, or with an empty name the whole, with the plan of its experiment."""
+        graph = self.units[name] if name else self.whole
+        own = graph.quantities.keys() | {node.name for node in graph.nodes}
+        tolerances = {n: t for n, t in built.plan.tolerances.items() if n in own or n.rpartition(".")[0] in own}
+        return replace(built, graph=graph, plan=replace(built.plan, tolerances=tolerances))
+
 
 def cut(causal: CausalGraph, parts: Sequence[str]) -> System:
     """Cut a graph at the ports of its instances `parts`: what is no part of them is one unit more. Raises `CompilationFailed`."""
@@ -69,14 +76,6 @@ def cut(causal: CausalGraph, parts: Sequence[str]) -> System:
             )
             raise CompilationFailed([NoPart(graph.span, part, hint)])
     return _Cutter(causal, parts).system()
-
-
-def unit_alone(whole: Built, system: System, name: str) -> Built:
-    """Return one unit of a model, or with an empty name the whole, with the plan of its experiment."""
-    graph = system.units[name] if name else system.whole
-    own = graph.quantities.keys() | {node.name for node in graph.nodes}
-    tolerances = {n: t for n, t in whole.plan.tolerances.items() if n in own or n.rpartition(".")[0] in own}
-    return replace(whole, graph=graph, plan=replace(whole.plan, tolerances=tolerances))
 
 
 class _Unit:
@@ -190,10 +189,10 @@ class _Cutter:
     def _source(self, owner: str, number: int, is_effort_known: bool) -> Element:
         """Return the source in the place of the rest at a bond, whose value is an input; what answers is an output."""
         bond = self.graph.bonds[number]
-        given, answer = ("f", "e") if is_effort_known else ("e", "f")
+        imposed, answer = ("f", "e") if is_effort_known else ("e", "f")
         name = self._port(owner, number)
-        variable, result = (f"{name}_{letter_of(bond.domain, v)}" for v in (given, answer))
-        self._open(owner, variable, unit_of(bond.domain, given), bond.span)
+        variable, result = (f"{name}_{letter_of(bond.domain, v)}" for v in (imposed, answer))
+        self._open(owner, variable, unit_of(bond.domain, imposed), bond.span)
         reading = Bound(ITSELF, (Reading(name, "", answer),))
         self.units[owner].outputs[result] = Named(
             result, "output", unit_of(bond.domain, answer), reading, None, bond.span
@@ -206,8 +205,8 @@ class _Cutter:
         self.links[UnitLink(owner, result, other, f"{self._port(other, number)}_{letter_of(bond.domain, answer)}")] = (
             None
         )
-        kind = Kind.FLOW_SOURCE if given == "f" else Kind.EFFORT_SOURCE
-        law = Law(((Symbol(PortVariable(0, given)), Symbol(0)),), None, 1)
+        kind = Kind.FLOW_SOURCE if imposed == "f" else Kind.EFFORT_SOURCE
+        law = Law(((Symbol(PortVariable(0, imposed)), Symbol(0)),), None, 1)
         return Element(
             name, kind, True, (Port("", bond.domain),), law, (Quantity(variable),), (), {}, {}, None, None, f"{self.graph.name}.{name}", bond.span
         )  # fmt: skip
@@ -288,8 +287,11 @@ class _Cutter:
             return
         quantities[named.name] = named
         integral, delay = self.graph.integrals.get(named.name), self.graph.delays.get(named.name)
-        held = [*((integral.rate, integral.start) if integral else ()), *((delay.value, delay.lag) if delay else ())]
-        for definition in held:
+        definitions = [
+            *((integral.rate, integral.start) if integral else ()),
+            *((delay.value, delay.lag) if delay else ()),
+        ]
+        for definition in definitions:
             self._read(owner, definition)
         bound = named.definition
         if bound is None:
@@ -297,9 +299,9 @@ class _Cutter:
         if named.role == "input" and owner and bound.formula == ITSELF:
             giver = self._giver(owner, bound.arguments[0])
             if giver is not None:
-                given = self._given(giver, bound.arguments[0])
+                output = self._given(giver, bound.arguments[0])
                 self._open(owner, named.name, named.unit, named.span)
-                self.links[UnitLink(giver, given.name, owner, named.name)] = None
+                self.links[UnitLink(giver, output.name, owner, named.name)] = None
                 return
         quantities[named.name] = replace(named, definition=self._read(owner, bound))
 

@@ -99,8 +99,8 @@ def _sources(units: Mapping[str, FmuUnit]) -> dict[str, str]:
 def _refuse_loops(units: Mapping[str, FmuUnit], links: Sequence[tuple[Place, Place]], whole: Compilation) -> None:
     """Raise `CompilationFailed` if a value at a cut depends on itself at the same instant: no exchange of values would find it."""
     reads = TopologicalSorter[Place]()
-    for given, taken in links:
-        reads.add(taken, given)
+    for start, end in links:
+        reads.add(end, start)
     for name, unit in units.items():
         for item in unit.variables:
             if item.causality == "output":
@@ -145,9 +145,9 @@ def _structure(
     name: str, units: Mapping[str, FmuUnit], sources: Mapping[str, str], links: Sequence[tuple[Place, Place]], plan: Plan, chosen: str
 ) -> str:  # fmt: skip
     """Return the text of a structure. Connectors are what is linked, and all outputs and parameters. `chosen`: the set that holds."""
-    known = {(unit, v.name): v for unit, content in units.items() for v in content.variables}
+    variables = {(unit, v.name): v for unit, content in units.items() for v in content.variables}
     linked = {place for link in links for place in link}
-    names = {item.unit for item in known.values() if item.unit and powers(item.unit)}
+    names = {item.unit for item in variables.values() if item.unit and powers(item.unit)}
 
     def connector(shown: str, item: FmuVariable) -> str:
         unit = attributes({"unit": item.unit}) if item.unit in names else ""
@@ -156,7 +156,7 @@ def _structure(
     head = attributes({"version": "1.0", "name": name, "generationTool": "bondgraph"})
     lines = [f"<ssd:SystemStructureDescription {_SPACES.format('ssd', 'Description')}{head}>"]
     lines.append(f"  <ssd:System{attributes({'name': name})}>")
-    inputs = {given[1]: known[taken] for given, taken in links if not given[0]}
+    inputs = {start[1]: variables[end] for start, end in links if not start[0]}
     if inputs:
         inner = "".join(f"      {connector(shown, item)}\n" for shown, item in inputs.items())
         lines.append(f"    <ssd:Connectors>\n{inner}    </ssd:Connectors>")

@@ -15,7 +15,6 @@ from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes
 from .project_folder import is_there, project_folder, within_project
 from .scope import RESERVED, FileScope, ModelDefinition, SetDefinition
 from .statement_errors import MAXIMUM_MISTAKES, Wrong, suggestion
-from .system_file import read_system
 from .unit_file import NotImportable, read_unit_description, unit_model
 
 MAXIMUM_FILES = 500
@@ -136,6 +135,8 @@ class Loader:
             loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
             return self._declare(loaded, parse(text), chain)
         if target.suffix == SYSTEM:
+            from .system_file import read_system
+
             text, units = read_system(target, name)
             loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
             for word, source in units.items():

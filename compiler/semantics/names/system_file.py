@@ -56,7 +56,7 @@ def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, So
     if system is None:
         raise ValueError
     for element, what in _REFUSED.items():
-        if any(found is not system for found in system.iter(_NAME("Description", element))):
+        if any(inner is not system for inner in system.iter(_NAME("Description", element))):
             raise NotImportable(f"it has {what}", "Systems of units, connections and sets of parameters are imported.")
     names, model = NewNames((STEP,)), NewNames().new(root.get("name", "") or path.stem)
     units: dict[str, UnitDescription] = {}
@@ -69,7 +69,7 @@ def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, So
         kinds[unit] = names.new(f"{unit} unit")
         sources[kinds[unit]] = unit_model(units[unit], f"{name}/{file.name}", file, kinds[unit])
     values = dict(_values(archive, system))
-    given, lines, outputs = defaultdict[str, dict[str, str]](dict), [], []
+    connected, lines, outputs = defaultdict[str, dict[str, str]](dict), [], []
     own = {unit: {v.own: v for v in description.variables} for unit, description in units.items()}
     inputs: dict[str, str] = {}
     for link in system.iter(_NAME("Description", "Connection")):
@@ -83,10 +83,10 @@ def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, So
         if not giver and given_name not in inputs:
             inputs[given_name] = names.new(given_name)
             lines.append(f"  input {declared(item, word=inputs[given_name])} = {_start(item, values.get(given_name))}")
-        given[taker][item.name] = f"{words[giver]}.{own[giver][given_name].name}" if giver else inputs[given_name]
+        connected[taker][item.name] = f"{words[giver]}.{own[giver][given_name].name}" if giver else inputs[given_name]
     for unit, description in units.items():
         set_values = {v.name: _start(v, values[f"{unit}.{v.own}"]) for v in description.variables if f"{unit}.{v.own}" in values}  # fmt: skip
-        attributes = {STEP: STEP} | set_values | given[unit]
+        attributes = {STEP: STEP} | set_values | connected[unit]
         lines.append(f"  {kinds[unit]} {words[unit]} {{ {', '.join(f'{n} = {v}' for n, v in attributes.items())} }}")
     steps = [description.step for description in units.values() if description.step is not None]
     first = f" = {min(steps)!r} s" if steps else ""
@@ -106,8 +106,8 @@ def _values(archive: ZipFile, system: ElementTree.Element) -> Iterator[tuple[str
     for owner in (system, *system.iter(_NAME("Description", "Component"))):
         prefix = "" if owner is system else f"{owner.get('name')}."
         for binding in owner.iterfind(f"{_NAME('Description', 'ParameterBindings')}/*"):
-            found = _parsed(archive, binding.get("source", "")) if "source" in binding.attrib else binding
-            for item in found.iter(_NAME("ParameterValues", "Parameter")):
+            parameters = _parsed(archive, binding.get("source", "")) if "source" in binding.attrib else binding
+            for item in parameters.iter(_NAME("ParameterValues", "Parameter")):
                 real = item.find(_NAME("ParameterValues", "Real"))
                 if real is not None:
                     yield f"{prefix}{binding.get('prefix', '')}{item.get('name')}", float(real.get("value", ""))
