@@ -391,5 +391,6 @@ class Phase:
             return []
         notes = self.events.hybrid.events
         acted = [(h.time, i) for h in self.events.log for i in h.events if not notes[i].sampled]
-        places = {i: notes[i].span.file_and_line for i in {i for _, i in acted}}
+        places = self.program.kept.setdefault("places of events", {})
+        places |= {i: notes[i].span.file_and_line for i in {i for _, i in acted} - places.keys()}
         return [EventRecord(t, notes[i].words, notes[i].owner, places[i], notes[i].stops) for t, i in acted]

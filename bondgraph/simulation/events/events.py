@@ -103,7 +103,7 @@ class Events(EventIndicators):
                 contradicted = bool(triggers[self.valves.events].any())
                 triggers[self.valves.events] = False
             holds = dict(zip(self.keys, triggers.tolist(), strict=True))
-            rising = [*due, *(i for i, key in enumerate(self.keys) if holds[key] and not self.on.get(key, False))]
+            rising = [*due, *[i for i, key in enumerate(self.keys) if holds[key] and not self.on.get(key, False)]]
             due = ()
             self.on |= holds
             if not rising:

@@ -49,7 +49,6 @@ def after_impulse(
     assert program.hybrid is not None
     names = (*program.states.names, *program.dependents.names)
     units = (*program.states.units, *program.dependents.units)
-    old = np.array([stored.get(n, np.nan) for n in names])
     size = np.array([max(abs(stored.get(n, 0.0)), peaks.get(n, 0.0)) for n in names])
     size[: constraints.count] = np.maximum(size[: constraints.count], np.abs(full[: constraints.count]))
     groups = group_numbers(units)
@@ -63,10 +62,13 @@ def after_impulse(
     loops = constraints.loops(np.maximum(np.abs(full), largest))
     contents = _Held(constraints, loops, time, full, mode, jumping, scale[jumping])
     y = full[jumping] / contents.scale
+    if not program.dependents.names and not constraints and np.isfinite(full).all():  # nothing is tied to anything
+        return contents.full(y), ()
     here = contents.stored(y)
     size = np.maximum(size, np.abs(here))
     size = nonzero(np.maximum(size, LEAST * largest_of_group(size, groups)))
     # quantities that no program computed before start at their computed values
+    old = np.array([stored.get(n, np.nan) for n in names])
     old = np.where(np.isfinite(old), old, here)
     if (np.abs(here - old) <= SEEN * size)[compared].all():
         return contents.full(y), ()
