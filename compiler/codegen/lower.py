@@ -95,7 +95,7 @@ def lower(
     result.dependents = tuple(result.values[d.variable] for d in (*space.dependents, *space.momenta))
     for row, dependent in enumerate(space.dependents):
         for column, slope in slopes.get(dependent.variable, {}).items():
-            if column < count and result.dependence(slope) & ~PARAMETER:
+            if column < len(space.states) and result.dependence(slope) & ~PARAMETER:
                 result.sensitivities[row, column] = slope
     result.forced = tuple(result.values[f.variable] for f in space.forced)
     nominals = [*(s.nominal for s in space.states), *(None for _ in space.unknowns)]

@@ -298,3 +298,28 @@ def test_a_field_of_named_ports_is_read_as_its_law_reads_it() -> None:
     result = bondgraph.load(text).simulate(points=2)
     assert [result[f"i[{n}]"][0] for n in (1, 2)] == pytest.approx([1, 2]) == [result[f"same[{n}]"][0] for n in (1, 2)]
     assert result["flux"][0] == pytest.approx(4e-3 + 10e-3) and result["loss"][0] == pytest.approx(2 + 4)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_matrices_of_any_width_down_to_one(n: int) -> None:
+    """A matrix of one row times a list is a number, which stands where a list of one is meant: in laws, equations, sums, branches, rates and events."""
+    items = ", ".join("1" * n)
+    text = f"""plain model Wide {{
+      for i in 1..{n} {{ for j in 1..{n} {{ constant A[i, j] = 2 if i == j else 0 }} }}
+      constant u = [{items}]
+      1 j : untyped[{n}]
+      I m(b: untyped[{n}]) : b.p = A*b.f {{ start b.p = [{items}] }}
+      TF t(a: untyped[{n}], b: untyped[{n}]) : b.f = A*a.f
+      C c(b: untyped[{n}]) : e = A*q
+      j => m, t.a
+      t.b => c
+      solve A*z = 3*u for z = u
+      signal w = integral(A*u - u, [{", ".join("0" * n)}]), y = A*c.b.q + c.b.q, v = A*z if time < 2 else u
+      when time > 0.5 {{ m.b.p = A*m.b.f }}
+      output q = c.b[1].q, z1 = z[1], w1 = w[1], y1 = y[1], v1 = v[1]
+      experiment go {{ simulate 0 .. 1 }}
+    }}"""
+    found = bondgraph.load(text).simulate(rtol=1e-8)
+    assert found.final("q") == pytest.approx(np.sin(2.0) / 2, rel=1e-6)  # 2 v' = -8 x
+    assert [found.final(name) for name in ("z1", "w1", "v1")] == pytest.approx([1.5, 1.0, 3.0], rel=1e-7)
+    assert found.final("y1") == pytest.approx(3 * found.final("q"), rel=1e-12)

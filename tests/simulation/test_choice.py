@@ -80,3 +80,23 @@ def test_constant_ratios_cost_nothing() -> None:
     """A slope that does not change in a run is not looked at."""
     model = bondgraph.load(pair("2").replace("MTF", "TF").replace("n*u2", "2*u2").replace("signal n = 2", ""))
     assert model.compilation().program.sensitivity_pattern[0].size == 0
+
+
+def test_what_follows_from_a_loop_does_not_choose() -> None:
+    """Behind a stop, momenta follow by the solution of a nonlinear loop, which is no state: what is left moves on with the momentum that it had."""
+    found = bondgraph.load(
+        """plain model Stopped {
+          I far(x, y) : energy = 0.8*(x^2 + y^2) + 0.2*(x^2 + y^2)^2
+          I near(x, y) : x = 1.5*x.f + 0.1*y.f, y = 0.1*x.f + 1.6*y.f
+          R loss : e = f
+          1 a, b
+          0 stop { active = time > 0.5 }
+          a -> far.x, near.x, stop
+          b -> far.y, near.y, loss
+          output v = a.f, moved = far.y + near.y + integral(b.f, 0), left = b.f
+          experiment go { simulate 0 .. 1; start near.x = 1; start near.y = 2 }
+        }"""
+    ).simulate(rtol=1e-8)
+    assert found["v"][0] > 0.1 and found.final("left") > 0.1
+    assert found.final("v") == pytest.approx(0.0, abs=1e-9)
+    assert found.final("moved") == pytest.approx(found["moved"][0], rel=1e-7)

@@ -37,6 +37,11 @@ def shape_of(value: Value) -> Shape:
     return (0, 0) if isinstance(value, Typed) else (len(parts_of(value)), columns_of(value))
 
 
+def fitted(value: Value, like: Value) -> Value:
+    """Return the list of one that a single number stands for where the other value is such a list: a matrix of one row times a list is a number."""
+    return (value,) if isinstance(value, Typed) and shape_of(like) == (1, 0) else value
+
+
 def shaped(parts: Sequence[Typed], columns: int) -> Vector | Matrix:
     """Return a list, or a matrix with rows of so many columns."""
     if not columns:
@@ -85,7 +90,7 @@ def total(terms: Sequence[tuple[int, Span, Value]]) -> Value:
     """Return the sum of terms, each with its sign and place. Raises `Wrong` for other shapes or units."""
     first = next((v for _, _, v in terms if isinstance(v, tuple)), terms[0][2])
     for _, span, value in terms:
-        if shape_of(value) != shape_of(first):
+        if shape_of(fitted(value, first)) != shape_of(first):
             other = sort_of(value) if isinstance(value, tuple) else f"the single number `{span.text}`"
             hint = f"Only lists of one length can be added, and matrices of one size; one item is `name{place_in(first, 0)}`."
             raise Wrong(WrongType(span, sort_of(first).capitalize(), other, hint))
@@ -102,6 +107,7 @@ def total(terms: Sequence[tuple[int, Span, Value]]) -> Value:
 def selected(condition: Expression, first: tuple[Value, Span], second: tuple[Value, Span]) -> Value:
     """Return the first value where the condition holds, else the second. Raises `Wrong` for other shapes or units."""
     (value, place), (otherwise, span) = first, second
+    value, otherwise = fitted(value, otherwise), fitted(otherwise, value)
     if shape_of(value) != shape_of(otherwise):
         raise Wrong(WrongType(span, sort_of(value).capitalize(), sort_of(otherwise), "Both branches have one size."))
     chosen = []

@@ -14,7 +14,7 @@ from ...graph.units import JOULE
 from ...source import Span
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
-from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_of
+from ..expressions.lists import columns_of, fitted, parts_of, place_in, shape_of, sort_of
 from ..expressions.template import CompiledLaw, OwnVariable, Resolve, Slot, Typed
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw, WrongType
@@ -194,6 +194,7 @@ class _LawReader:
     def sides(self, equation: tree.Equation, compiler: ExpressionCompiler) -> list[tuple[Expression, Expression]]:
         """Both sides of an equation, of one dimension; between lists it is an equation for each item."""
         first, second = (compiler.numbers(compiler.value(side), side.span) for side in (equation.left, equation.right))
+        first, second = fitted(first, second), fitted(second, first)
         if shape_of(first) != shape_of(second) or columns_of(first):
             size = "A list" if columns_of(first) else sort_of(first).capitalize()
             hint = "An equation between lists is one for each item, so both are as long."

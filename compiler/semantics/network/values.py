@@ -10,7 +10,7 @@ from ...algebra.expression import ZERO, select
 from ...algebra.formula import Bound, Formula
 from ...graph.units import ONE
 from ...syntax import tree
-from ..expressions.lists import parts_of, shape_of, shaped, sort_of
+from ..expressions.lists import fitted, parts_of, shape_of, shaped, sort_of
 from ..expressions.template import Typed
 from ..names.errors import WrongType
 from ..names.scope import Items, Scalar, Scope
@@ -47,7 +47,7 @@ def read_values(
     template = elaborator.template(_in_numbers(value, words) if words else value, scope)
     parts = parts_of(template.value)
     alike = shaped(parts[:1] * len(targets), found.columns) if isinstance(found, Items) else parts[0]
-    if shape_of(template.value) != shape_of(alike):
+    if shape_of(fitted(template.value, alike)) != shape_of(alike):
         raise Wrong(WrongType(value.span, sort_of(alike).capitalize(), sort_of(template.value)))
     for target, typed in zip(targets, parts, strict=True):
         _check_kind(value, scope, target, typed, what)

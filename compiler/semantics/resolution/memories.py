@@ -12,7 +12,7 @@ from ...graph.units import ONE, SECOND, Dimension
 from ...scene import Override
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
-from ..expressions.lists import columns_of, parts_of, place_in, shape_of, sort_of
+from ..expressions.lists import columns_of, fitted, parts_of, place_in, shape_of, sort_of
 from ..expressions.template import Typed, Value
 from ..names.errors import DimensionMismatch, WrongType
 from ..names.scope import STATIC_ROLES, Items, Pending, Scalar, Scope
@@ -254,7 +254,7 @@ class MemoryResolver(Resolver):
         start = self.template(call.arguments[1], scope).value
         for part, wanted in zip(call.arguments, (self._per_second(dimension), dimension), strict=True):
             template = self.template(part, scope)
-            if shape_of(template.value) != shape_of(start):
+            if shape_of(fitted(template.value, start)) != shape_of(start):
                 wide = sort_of(start).capitalize()
                 hint = (
                     "An integral is as long as its start." if number is not None else "The start of a list is a list."
