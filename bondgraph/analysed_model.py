@@ -214,10 +214,11 @@ class AnalysedModel(CompiledModel):
         from .analysis.branch import follow
         from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent
-        from .quantities import quantity
+        from .quantities import quantity, refuse_two_readings
 
         experiment, settings = options.get("experiment", ""), options.get("settings") or {}
         quantities = self.compilation(self.scene(experiment, settings)).whole_graph.quantities
+        refuse_two_readings({parameter: (low, high)}, quantities)
         if parameter not in quantities or quantities[parameter].role != "input":
             independent(self, (parameter,), experiment, settings)  # refuses what is none
         first, last = (quantity(v, quantities[parameter].unit, parameter) for v in (low, high))

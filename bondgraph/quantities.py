@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from typing import Any
 
 from .errors import UsageError
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(.*?)\s*", re.DOTALL)
+_IN_BRACKETS = re.compile(r"\[.*?\]")
+_SECOND_UNIT = re.compile(r"[*/]\s*([A-Za-z]+)")
 
 
 def quantity(text: str | float, unit: str, what: str) -> float:
@@ -48,6 +51,25 @@ def quantities(text: str, unit: str, what: str) -> list[float]:
         )  # fmt: skip
     first, last, steps = quantity(low, unit, what), quantity(high, unit, what), int(count) - 1
     return [first + (last - first) * i / steps for i in range(steps + 1)]
+
+
+def refuse_two_readings(values: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    """Raise `UsageError` for texts with a unit such as `N/m` that in the model is `N` over its own length `m`: the text of a setting is read so."""
+    from compiler.api import Source, read_unit
+
+    for what, given in values.items():
+        for text in (given,) if isinstance(given, str) else given if isinstance(given, Sequence) else ():
+            for name in _SECOND_UNIT.findall(_IN_BRACKETS.sub("", text) if isinstance(text, str) else ""):
+                own = known.get(name)
+                if (
+                    own is None
+                    or read_unit(Source(what, own.unit)).dimension != read_unit(Source(what, name)).dimension
+                ):
+                    continue
+                raise UsageError(
+                    "BR621", f"{what}: `{text.strip()}` has two readings, since `{name}` is a name of the model, too;",
+                    "write the unit in brackets, as in `3 [N/m]`",
+                )  # fmt: skip
 
 
 def in_unit(value: float, unit: str, kind: str, what: str) -> float:

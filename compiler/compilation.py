@@ -48,7 +48,7 @@ from .reduction.unexcited import at_rest, without
 from .reduction.upstream import upstream
 from .scene import Plan, RunMetadata, Scene
 from .semantics import MAXIMUM_PARTS, Built, build_graph, open_part
-from .semantics.names.compound_units import ambiguous_products, in_one_literal, unit_notes, with_compound_units
+from .semantics.names.compound_units import setting_notes, unit_notes, with_compound_units
 from .semantics.names.errors import TooLongRow
 from .source import Source
 from .syntax import SyntaxTree, parse
@@ -379,17 +379,16 @@ class Compilation:
         told = (
             *notes(self.graph),
             *measurement_notes(self.state_space),
-            *unit_notes(self.tree),
-            *self._notes_on_settings,
+            *self.readings,
             *wishes,
         )
         return certify(self.state_space, self.equations, (left_out, self.unexcited), told)
 
     @property
-    def _notes_on_settings(self) -> Iterator[str]:
-        for override in self.scene.overrides:
-            value = in_one_literal(override.value, self.whole_graph.quantities.keys())
-            yield from ambiguous_products(value, self.source)
+    def readings(self) -> Iterator[str]:
+        """Notes on units of the text, and of settings, that are read as names of the model."""
+        yield from unit_notes(self.tree)
+        yield from setting_notes(self.scene.overrides, lambda: self.whole_graph.quantities.keys(), self.source)
 
     @cached_property
     def facts(self) -> RunMetadata:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, BoolArray
+from compiler.api import Array, BoolArray, Reported
 
 from ..errors import UsageError
 from ..rendering import OfModel, Summarised, draw
@@ -58,6 +58,7 @@ class Branch(OfModel, Summarised):
     units: Mapping[str, str]
     ended: str  # reason for the end of the branch
     others: tuple[Branch, ...] = ()  # branches through its branch points, if requested
+    report: Sequence[Reported] = ()  # units in which the experiment shows outputs
 
     def __len__(self) -> int:
         return len(self.values)
@@ -150,4 +151,5 @@ def _told(
         program.name, first.made.plan.experiment, name, np.array([p.value for p in places]),
         dict(zip(program.states.names, states, strict=True)), dict(zip(program.outputs.names, outputs, strict=True)),
         stable, np.array([p.unstable() > 0 for p in places]), special_points, units_of(first), ended,
+        report=first.made.plan.report,
     )  # fmt: skip

@@ -6,7 +6,7 @@ import itertools
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -102,6 +102,7 @@ class Outcome(Sequence[Point], OfModel, Summarised, Plotted, Exported):
     points: tuple[Point, ...]
     shown: Mapping[str, tuple[str, float, float]]  # output -> unit, scale and offset in a table
     notes: tuple[str, ...] = ()
+    words: Mapping[str, Sequence[str]] = field(default_factory=dict)  # what swept numbers stand for, from 1
 
     def __len__(self) -> int:
         return len(self.points)

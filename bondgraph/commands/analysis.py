@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import wraps
+from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +14,7 @@ from .options import (
     Command,
     OutputFiles,
     echo,
+    echo_readings,
     experiment_option,
     file_argument,
     json_option,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from ..keywords import ExperimentKeywords
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class AnalysisCall:
     """A model's file, and the options of its analysis."""
 
@@ -42,9 +43,9 @@ class AnalysisCall:
     outputs: tuple[str, ...] | None  # None: all
     files: OutputFiles
 
-    @property
+    @cached_property
     def model(self) -> Model:
-        """Read the model again and return it."""
+        """The model of the file."""
         return load(self.file, self.name)
 
     @property
@@ -86,9 +87,9 @@ def analysis(name: str, of_outputs: bool = True, checked: bool = True) -> Callab
                 assignments, files = settings_by_name(settings), taken(OutputFiles, own)
                 if checked:
                     files.check()
-                function(
-                    AnalysisCall(file, model, named(experiment), assignments, tuple(outputs) or None, files), **own
-                )
+                asked = AnalysisCall(file, model, named(experiment), assignments, tuple(outputs) or None, files)
+                echo_readings(asked.model, asked.experiment, assignments)
+                function(asked, **own)
 
         own = vars(command).pop("__click_params__", [])
         shared = [experiment_option, settings_option, json_option, model_option]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -233,6 +233,12 @@ def seconds_of(time: str | None) -> float | None:
 
 def echo(found: Any, as_json: bool) -> None:
     click.echo(json.dumps(found.to_json(), indent=2) if as_json else found.summary())
+
+
+def echo_readings(model: Model, experiment: str | None, settings: Mapping[str, str]) -> None:
+    """Write notes on units that are read as names of the model."""
+    for note in model.compilation(model.scene(experiment, settings)).readings:
+        click.echo(f"note: {note}", err=True)
 
 
 def show_progress(text: str) -> None:

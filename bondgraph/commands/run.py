@@ -21,6 +21,7 @@ from .options import (
     TABLES,
     OutputFiles,
     check_target,
+    echo_readings,
     experiment_option,
     file_argument,
     jobs_option,
@@ -217,6 +218,7 @@ def _run_all(
         check_target(files.out, TABLES, "--out (of an experiment with a sweep or an analysis)")
     with shared_out(*by) as workers:
         found = model.run(experiment, workers=workers, **options)
+    echo_readings(model, experiment, options["settings"])
     printed = files.write(found)
     if files.plot is not None:
         found.plot(files.plot)

@@ -36,7 +36,8 @@ def run(model: AnalysedModel, request: RunRequest, workers: Workers | None = Non
     points = (asked.answer(model, {}, chosen),) if alone else made(model, asked, grid, chosen)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, asked.run, grid)
-    return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown, notes)
+    words = {s.name: first.choices[s.name] for s in left if s.name in first.choices}
+    return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown, notes, words)
 
 
 def made(

@@ -43,7 +43,7 @@ def fit(
     """
     if not given or len(given) > MOST_PARAMETERS:
         raise UsageError("BR407", f"name the parameters to fit, from one to {MOST_PARAMETERS}")
-    units = units_of(model, tuple(given), experiment, settings)
+    units = units_of(model, given, experiment, settings)
     starts = {n: v for n, v in _numbers(settings, units).items() if n in given}
     wanted = [sought(s, units[n], n) if isinstance(s, str) else s for n, s in given.items()]
     wanted = [replace(s, start=starts.get(s.name, s.start)) for s in wanted]

@@ -40,7 +40,7 @@ def montecarlo(model: AnalysedModel, chance: MonteCarloRequest, study: ScalarStu
     check_run_options(study.run.options)
     _check(chance, study.run.settings)
     names = tuple(name for name, _ in chance.vary)
-    units = units_of(model, names, study.run.experiment, study.run.settings)
+    units = units_of(model, dict(chance.vary), study.run.experiment, study.run.settings)
     given = [distribution(d, units[n], n) if isinstance(d, str) else checked(d, n) for n, d in chance.vary]
     correlation = correlation_matrix(names, dict(chance.correlations))
     rows = 0 if correlation is not None else _rows(chance)

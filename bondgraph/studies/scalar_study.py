@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..analysis.outcome import MODES
 from ..analysis.placement import operating_point
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
+from ..quantities import refuse_two_readings
 from ..results.result import Result
 from ..simulation.repetition import simulate
 from ..simulation.run_options import RunRequest
@@ -99,15 +101,18 @@ def check_steps(of: tuple[str, ...], what: str) -> None:
         raise UsageError("BR450", f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
 
 
-def units_of(model: CompiledModel, names: Sequence[str], experiment: str | None, settings: Settings) -> dict[str, str]:
-    """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have."""
+def units_of(
+    model: CompiledModel, values: Mapping[str, Any], experiment: str | None, settings: Settings
+) -> dict[str, str]:
+    """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have, `UsageError` for texts with two readings."""
     compilation = model.compilation(model.scene(experiment, settings))
     quantities = compilation.whole_graph.quantities
-    for name in names:
+    refuse_two_readings(values, quantities)
+    for name in values:
         refuse_choice(name, compilation.choices)
         if name not in quantities:  # the compiler's message lists the existing names
             _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
-    return {name: quantities[name].unit for name in names}
+    return {name: quantities[name].unit for name in values}
 
 
 def compilation_notes(

@@ -25,7 +25,9 @@ def sweep(
     check_steps(study.of, "a sweep")
     compilation = study.run.compilation(model)
     plan, words = compilation.plan, {n: compilation.choices[n] for n in values if n in compilation.choices}
-    units = units_of(model, tuple(n for n in values if n not in words), study.run.experiment, study.run.settings)
+    units = units_of(
+        model, {n: some for n, some in values.items() if n not in words}, study.run.experiment, study.run.settings
+    )
     numbers = {
         name: _places(some, words[name], name) if name in words else _numbers(some, units[name], name)
         for name, some in values.items()
@@ -45,7 +47,7 @@ def sweep(
     points = made(model, asked, grid, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
     notes = compilation_notes(model, study.run, grid)
-    return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes)
+    return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes, words)
 
 
 def _places(values: str | Sequence[str | float], words: Sequence[str], name: str) -> tuple[float, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import field, replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..fast_dataclass import dataclass
 from ..graph.domains import DOMAINS
-from ..graph.network import BondGraph
+from ..graph.network import BondGraph, Named
 from ..graph.run_time_parameters import behind
 from ..scene import Plan, Scene
 from ..source import Source, Span
@@ -301,7 +301,17 @@ class _Opened:
             elaborator.diagnostics += unconnected(graph)
         choices = {p.name: tuple(word for word, _ in p.item.choices) for p in elaborator.pending if p.item.choices}
         structural = behind(elaborator.structural, graph.quantities)
+        if "*" in self.scene.free:  # a program for all values is one for these parts alone
+            graph = replace(graph, quantities=_with_constants(graph.quantities, structural))
         return Built(graph, plan, (), tuple(elaborator.positive), structural, choices)
+
+
+def _with_constants(quantities: Mapping[str, Named], names: Set[str]) -> dict[str, Named]:
+    """Return quantities of which parameters of these names are constants."""
+    return {
+        name: replace(named, role="constant") if named.role == "parameter" and name in names else named
+        for name, named in quantities.items()
+    }
 
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:

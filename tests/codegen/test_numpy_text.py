@@ -274,3 +274,21 @@ def test_events() -> None:
     assert modes.tolist() == [0.0]
     assert module.periods(p).tolist() == [0.5]
     assert x[names.index("mass.p")] == -3.0, "the caller's state is not written to"
+
+
+def test_what_decides_which_parts_there_are_is_no_argument() -> None:
+    """With n an argument the number of parts stayed, and each of them took its share of another number."""
+    text = """plain model A {
+      parameter n = 3, order = 2, w = 2
+      for i in 1..n { signal x[i] = integral(w/n - order*x[i], 0) }
+      if order == 2 { output first = order*x[1] }
+      output y = n*x[1]
+    }"""
+    made = compiled(text, free=("*",))
+    assert [made.lowered.space.variables[i].name for i in made.lowered.parameters] == ["w"]
+    module = module_of(made)
+    assert [name for name, _ in module.Parameters().__dict__.items() if name != "w"] == []
+    assert module.outputs(0.0, np.array([1.0]), module.Parameters()).tolist() == [3.0, 2.0]
+    kept = compiled(text)  # a run compiles each number for itself
+    assert {"n", "order", "w"} <= set(kept.whole_graph.quantities)
+    assert kept.whole_graph.quantities["n"].role == "parameter"

@@ -143,3 +143,27 @@ def test_differences_of_temperatures_are_no_temperatures(tmp_path: Path) -> None
     space.open(file, HEATED)
     told = hover(space, file, HEATED.index("torque"))
     assert told is not None and "in N*mm" in told.text
+
+
+def test_reported_units_and_words_are_shown_by_all_analyses() -> None:
+    """Kelvin and the numbers of words were printed by a branch, an inversion and a sweep."""
+    body = """model Body {
+      parameter kind: {copper, steel} = copper, P = 20 W, cold = 300 K
+      parameter G: W/K = 2 W/K if kind == copper else 1 W/K
+      Sf source : Q_dot = P + G*cold
+      0 node : pseudothermal
+      C store : Q = 10 [J/K]*T
+      R wall : Q_dot = G*T
+      source -> node -> store, wall
+      output warm = node.T
+      experiment e { simulate 0 .. 1 s; report warm in degC }
+      experiment s { sweep kind = copper, steel; equilibrium; report warm in degC }
+    }"""
+    model = load(body)
+    branch = model.continuation("P", "0 W", "20 W", points=2).summary()
+    assert re.search(r"W +degC\n", branch) and re.search(r"stable +20 +36\.85", branch)
+    assert re.search(r"warm +46\.85 +degC", model.invert({"warm": "320 K"}, ["P"]).summary())
+    along = model.invert({"warm": "320 K"}, ["P"], to="1 s", points=2).summary()
+    assert re.search(r"W +degC\n", along) and re.search(r"1 +40 +46\.85", along)
+    for swept in (model.run("s"), model.sweep({"kind": "copper, steel"}, "equilibrium")):
+        assert re.search(r"copper +36\.85\n +steel +46\.85", swept.summary())

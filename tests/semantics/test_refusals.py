@@ -43,6 +43,39 @@ def test_a_rate_of_an_angle_is_no_frequency_where_cycles_are_counted(angle: str,
     assert told(text) == [("BG103", angle, *said)]
 
 
+@pytest.mark.parametrize(
+    ("rate", "cycles"),
+    [("w", "w/(2*pi)"), ("-v", "-v/(2*pi)"), ("same", "same/(2*pi)"), ("v + 1 [1/s]", "(v + 1 [1/s])/(2*pi)")],
+)
+@pytest.mark.parametrize("step", ["bandwidth {}; simulate 0 .. 1 s", "response a to b over ({}) .. 1 kHz"])
+def test_neither_is_a_name_of_one(rate: str, cycles: str, step: str) -> None:
+    declared = "parameter w = 90 rpm, v: rad/s = 2, same = w"
+    text = f"model A {{ input a = 0; {declared}; output b = integral(a - b, 0 s)/1 s; experiment e {{ {step.format(rate)} }} }}"
+    (found,) = told(text)
+    angle, cycles = (f"({x})" if step.startswith("response") else x for x in (rate, cycles))
+    assert found[0] == "BG103" and found[2] == f"A frequency counts cycles here, and `{angle}` an angle"
+    assert found[3] in (f"Write `{cycles}`.", f"Write `({rate})/(2*pi)`.")
+
+
+@pytest.mark.parametrize(
+    ("reading", "refused"),
+    [("shaft.omega", True), ("speed", True), ("-speed", True), ("slip", True), ("w", True), ("turns", False), ("shaft.omega/(2*pi)", False), ("f", False)],
+)  # fmt: skip
+def test_the_flow_of_a_rotation_is_not_reported_in_hertz(reading: str, refused: bool) -> None:
+    """3000 rpm were shown as 314.159 Hz."""
+    text = f"""model Shaft {{
+      parameter w = 3000 rpm, f = 50 Hz
+      Sf drive : omega = w
+      1 shaft
+      R friction : M = 1 [N*m*s]*omega
+      drive -> shaft -> friction
+      output speed = shaft.omega, turns = shaft.omega/(2*pi), slip = w - shaft.omega
+      experiment e {{ equilibrium; report {reading} in kHz }}
+    }}"""
+    said = [("BG103", "kHz", f"`{reading}` is the rate of an angle, and kHz counts cycles")]
+    assert [found[:3] for found in told(text)] == (said if refused else [])
+
+
 def test_a_number_that_is_too_large_is_quoted_by_its_beginning() -> None:
     ((code, place, sentence, _),) = told(f"model A {{ output a = 9{'0' * 60} dB }}")
     assert (code, place) == ("BG003", f"9{'0' * 60} dB")

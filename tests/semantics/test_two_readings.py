@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
+from bondgraph import UsageError, load
 from bondgraph.commands import commands
 from compiler.errors import CompilationFailed
 from compiler.graph.units import UNITS
@@ -91,3 +93,44 @@ def test_the_advice_works_where_the_reading_as_a_name_is_refused(settings: dict[
     found = re.search(r"for the unit write `(.*)`\.", str(told.value))
     assert found is not None
     notes(text.replace("250 N/m", found[1]), dict.fromkeys(settings, found[1]), "e")
+
+
+BOTH = (
+    "model A {\n  parameter m = 2 m, k: N/m = 100\n  Se push : F = 1 N\n  1 body\n  C spring : F = k*x\n  R damper : F = 1 [N*s/m]*v\n"
+    "  push -> body -> spring, damper\n  output x = spring.x\n  experiment e { set k = 3 N/m; equilibrium }\n}"
+)
+
+
+def test_analyses_tell_it_too(tmp_path: Path) -> None:
+    """The force over the length is meant by the text of a setting, as by that of the model: 1.5 N/m, in an analysis with a note."""
+    path = tmp_path / "a.bg"
+    path.write_text(BOTH)
+    for arguments, where in (
+        (["run", str(path)], "line 9"),
+        (["equilibrium", str(path), "-e", "none", "--set", "k=3 N/m", "--json"], "setting of k"),
+        (
+            ["sweep", str(path), "-e", "none", "--set", "k=3 N/m", "--over", "m=2 m", "--of", "equilibrium"],
+            "setting of k",
+        ),
+    ):
+        done = CliRunner().invoke(commands, arguments)
+        assert done.exit_code == 0, done.output
+        assert f"note: {where}: `3 N/m` is read as `3 [N]/m`" in done.stderr
+        assert "0.666666" in done.stdout
+
+
+def test_a_number_with_two_readings_is_refused() -> None:
+    """Lists, ranges and distributions have numbers with units alone: 3 N/m there and 1.5 N/m as a setting was one text with two values."""
+    model, told = load(BOTH), r"k: .* has two readings, since `m` is a name of the model"
+    for act in (
+        lambda k: model.sweep({"k": f"{k}, 4 [N/m]"}, "equilibrium", experiment=None),
+        lambda k: model.sweep({"k": [f"-{k}"]}, "equilibrium", experiment=None),
+        lambda k: model.montecarlo({"k": f"uniform({k}, 4 [N/m])"}, "equilibrium", 4, None),
+        lambda k: model.continuation("k", k, "4 [N/m]", experiment=None),
+        lambda k: model.fit([], {"k": f"{k} .. 4 [N/m]"}, None),
+    ):
+        with pytest.raises(UsageError, match=told):
+            act("3 N/m")
+    assert model.sweep({"k": "3 [N/m]"}, "equilibrium", experiment=None).table()[0, 1] == pytest.approx(1 / 3)
+    mass = load(BOTH.replace("m = 2 m", "m = 2 kg").replace("3 N/m", "3 [N/m]"))  # one reading alone fits
+    assert mass.sweep({"k": "3 N/m"}, "equilibrium", experiment=None).table()[0, 1] == pytest.approx(1 / 3)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, Reported
 
 from ...errors import RunFailed, UsageError
 from ...quantities import behind
@@ -47,6 +47,7 @@ class FeedForward(OfModel, Summarised, Plotted):
     notes: tuple[str, ...]
     file: Path | None = None
     plain: bool = False  # a model of bare numbers, without units
+    report: Sequence[Reported] = ()  # units in which the experiment shows outputs
 
     def __getitem__(self, name: str) -> Array:
         """Return an input, output or state over time. Raises KeyError."""

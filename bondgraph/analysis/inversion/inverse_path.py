@@ -136,7 +136,7 @@ def _feed_forward(
         dict(zip(path.names, path.derivatives(times, 0)[:, 0], strict=True)), dict(zip(program.states.names, found.unknowns[:n], strict=True)),
         {d.push if d.pull is None else f"{d.push}/{d.pull}": s for d, s in zip(drives, strengths, strict=True)}, tuple(drives),
         dict(zip(path.names, equations.degrees, strict=True)), tuple(complex(v) for v in found.internal), start, units, tuple(notes),
-        request.model.source.path, is_plain(request.model),
+        request.model.source.path, is_plain(request.model), point.made.plan.report,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ...quantities import quantity
+from ...quantities import quantity, refuse_two_readings
 from ..operating_point import AnalysisRequest
 from ..sensitivity import independent
 from .drives import drives_of
@@ -28,6 +28,8 @@ def inverted(
     from ...simulation.run_options import seconds
 
     drives = drives_of(inputs)
+    known = model.compilation(model.scene(asked.experiment)).whole_graph.quantities
+    refuse_two_readings(targets if to is None else along.get("limits") or {}, known)
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
     _, fixed = independent(model, names, asked.experiment, asked.settings or {})
     asked = replace(asked, settings=fixed)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, MechanismNode
+from compiler.api import Array, MechanismNode, Reported
 
 from ...compiled_model import CompiledModel
 from ...errors import RunFailed, UsageError
@@ -55,6 +55,7 @@ class Inversion(OfModel, Summarised):
     states: Mapping[str, float]
     stable: bool | None
     units: Mapping[str, str]
+    report: Sequence[Reported] = ()  # units in which the experiment shows outputs
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by the schema `bondgraph-inversion/1`: {schema, model, experiment, targets, inputs, outputs, states, stable}."""
@@ -280,7 +281,7 @@ def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
     units = units_of(point)
     return Inversion(
         program.name, point.made.plan.experiment, dict(targets), search.settings(search.strengths),
-        named(program.outputs.names, point.outputs), point.stored(point.state), verdict(point).stable, units,
+        named(program.outputs.names, point.outputs), point.stored(point.state), verdict(point).stable, units, point.made.plan.report,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -40,18 +40,35 @@ def title(model: str, experiment: str | None, what: str) -> str:
     return visible(f"{model}{f': {experiment}' if experiment else ''}, {what}")
 
 
+class _Shown:
+    """Unit, scale and offset of numbers by name: as the experiment reports them, else in SI."""
+
+    def __init__(self, found: Equilibrium | Branch | Inversion | FeedForward) -> None:
+        self._units = found.units
+        self._reported = {r.name: (r.unit, r.scale, r.offset) for r in found.report}
+
+    def __call__(self, name: str) -> tuple[str, float, float]:
+        return self._reported.get(name) or (self._units.get(name, "1"), 1.0, 0.0)
+
+    def unit(self, name: str) -> str:
+        """Unit as text."""
+        return shown_unit(self(name)[0])
+
+    def of(self, name: str, value: Any) -> Any:
+        """Value in that unit."""
+        _, scale, offset = self(name)
+        return value * scale + offset
+
+
 def equilibrium_text(found: Equilibrium) -> str:
     """Return outputs, states and unknowns, and the stability."""
     rows: list[tuple[str, ...]] = []
-    shown = {r.name: r for r in found.report}
+    shown = _Shown(found)
     for word in ("outputs", "states", "unknowns"):
         values: Mapping[str, float] = getattr(found, word)
         rows += [(word, "", "")] if values else []
         for name, value in values.items():
-            as_said = shown.get(name)
-            unit = found.units.get(name, "1") if as_said is None else as_said.unit
-            number = value if as_said is None else value * as_said.scale + as_said.offset
-            rows.append((f"  {short(name)}", f"{number:.9g}", shown_unit(unit)))
+            rows.append((f"  {short(name)}", f"{shown.of(name, value):.9g}", shown.unit(name)))
     turning = [f"`{short(n)}` turns steadily, by {rate:.9g} 1/s" for n, rate in found.steady.items()]
     parts = [title(found.model, found.experiment, f"at rest at t = {found.time:.9g} s"), aligned(rows, "<><")]
     notes = [f"note: {visible(found.note)}"] if found.note else []
@@ -194,7 +211,13 @@ def outcome_text(found: Outcome) -> str:
     rows: list[tuple[str, ...]] = [tuple(short(n, 24) for n in names), tuple(units)]
     for line in found.table()[:LONGEST]:
         shown = [found.shown.get(n, ("", 1.0, 0.0)) for n in names]
-        rows.append(tuple(f"{x * scale + offset:.7g}" for x, (_, scale, offset) in zip(line, shown, strict=False)))
+        numbers = (f"{x * scale + offset:.7g}" for x, (_, scale, offset) in zip(line, shown, strict=False))
+        rows.append(
+            tuple(
+                found.words[n][int(x) - 1] if n in found.words else s
+                for n, x, s in zip(names, line, numbers, strict=False)
+            )
+        )
     text = f"{title(found.model, found.experiment, f'{len(found)} points')}\n\n{aligned(rows, '>' * len(names))}"
     left = len(found) - LONGEST
     text = f"{text}\n({left} more points; --json has all)" if left > 0 else text
@@ -234,13 +257,13 @@ def sensitivity_text(found: Sensitivity) -> str:
 def branch_text(found: Branch) -> str:
     """Return folds and losses of stability, and some points in between."""
     names = [found.parameter, *list(found.outputs)[: WIDEST - 1]]
-    unit = [shown_unit(found.units.get(n, "1")) for n in names]
-    rows: list[tuple[str, ...]] = [("", *(short(n, 24) for n in names)), ("", *unit)]
+    shown = _Shown(found)
+    rows: list[tuple[str, ...]] = [("", *(short(n, 24) for n in names)), ("", *map(shown.unit, names))]
     for s in found.special:
-        rows.append((s.kind, f"{s.value:.9g}", *(f"{s.outputs[n]:.9g}" for n in names[1:])))
+        rows.append((s.kind, f"{s.value:.9g}", *(f"{shown.of(n, s.outputs[n]):.9g}" for n in names[1:])))
     chosen = np.unique(np.linspace(0, len(found) - 1, min(len(found), SHOWN)).astype(int))
     for i in chosen:
-        numbers = (f"{found[n][i]:.6g}" for n in names)
+        numbers = (f"{shown.of(n, found[n][i]):.6g}" for n in names)
         word = "stable" if found.stable[i] else "unstable" if found.unstable[i] else "not decided"
         rows.append((word, *numbers))
     head = title(found.model, found.experiment, f"rest against {found.parameter}, {len(found)} points: {found.ended}")
@@ -255,24 +278,22 @@ def branch_text(found: Branch) -> str:
 
 def inversion_text(found: Inversion) -> str:
     """Return the inputs, and the outputs with their targets."""
+    shown = _Shown(found)
     rows: list[tuple[str, ...]] = [("input", "value", "", "")]
-    rows += [(short(n), f"{v:.9g}", shown_unit(found.units.get(n, "1")), "") for n, v in found.inputs.items()]
+    rows += [(short(n), f"{shown.of(n, v):.9g}", shown.unit(n), "") for n, v in found.inputs.items()]
     rows.append(("output", "target", "", "off by"))
     for name, value in found.targets.items():
-        rows.append(
-            (short(name), f"{value:.9g}", shown_unit(found.units.get(name, "1")), f"{found.outputs[name] - value:.2g}")
-        )
+        off = shown.of(name, found.outputs[name]) - shown.of(name, value)
+        rows.append((short(name), f"{shown.of(name, value):.9g}", shown.unit(name), f"{off:.2g}"))
     kind = "not decided" if found.stable is None else "stable" if found.stable else "unstable"
     return "\n\n".join([title(found.model, found.experiment, "inverted at rest"), aligned(rows, "<><>"), kind])
 
 
 def feed_forward_text(found: FeedForward) -> str:
     """Return some instants of the inputs and outputs, the number of differentiations of the outputs, and notes."""
-    columns = {**found.inputs, **found.outputs}
-    rows: list[tuple[str, ...]] = [
-        ("time", *(short(n, 20) for n in columns)),
-        ("s", *(shown_unit(found.units.get(n, "1")) for n in columns)),
-    ]
+    shown = _Shown(found)
+    columns = {n: shown.of(n, v) for n, v in {**found.inputs, **found.outputs}.items()}
+    rows: list[tuple[str, ...]] = [("time", *(short(n, 20) for n in columns)), ("s", *map(shown.unit, columns))]
     for i in np.unique(np.linspace(0, len(found.time) - 1, INSTANTS).astype(int)):
         rows.append((f"{found.time[i]:.{digits_of_time(found.time, 6)}g}", *(f"{v[i]:.6g}" for v in columns.values())))
     head = title(found.model, found.experiment, f"inverted along a path, {len(found.time)} points")

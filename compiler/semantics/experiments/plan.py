@@ -12,7 +12,7 @@ from ...scene import Analysis, Fitting, Inverting, Override, Plan, Reported, Sce
 from ...solvers import SOLVERS
 from ...source import Source, Span
 from ...syntax import parse_expression, tree
-from ..expressions.scales import check_cycles, scale_of
+from ..expressions.scales import scale_of
 from ..names.errors import (
     AbsentName,
     DimensionMismatch,
@@ -25,6 +25,7 @@ from ..names.errors import (
 from ..names.scope import Absent, ModelDefinition, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion
 from ..network.elaborate import Elaborator
+from ..resolution.cycles import counts_angle, in_cycles, refuse_rates_of_angles
 from .analyses import read_analysis
 from .distributions import check_together
 from .studies import read_sweep
@@ -221,7 +222,7 @@ def _bandwidth(elaborator: Elaborator, step: tree.Bandwidth, root: Scope, plan: 
     if plan.bandwidth is not None:
         hint = "Write one, or a second experiment."
         raise Wrong(WrongExperiment(step.span, "A second `bandwidth` in one experiment", hint))
-    check_cycles(step.value)
+    refuse_rates_of_angles(elaborator, root, step.value)
     value = elaborator.static(step.value, root, "A bandwidth", ONE if root.plain else ONE / SECOND)
     if value <= 0:
         hint = "Write `bandwidth 50 kHz`: what is faster need not be followed."
@@ -250,6 +251,10 @@ def _reading(elaborator: Elaborator, reading: tree.ReadingSyntax, root: Scope, o
         if dimension is not None and wanted.dimension != dimension:
             what = f"`{name}` is {describe(dimension)}, so it cannot be reported in {reading.unit.span.words}"
             hint = "Name a unit of the same kind."
+            raise Wrong(DimensionMismatch(reading.unit.span, what, hint))
+        if "Hz" in reading.unit.span.text and counts_angle(elaborator, reading.value, root):
+            what = f"`{name}` is the rate of an angle, and {reading.unit.span.text} counts cycles"
+            hint = f"Report it in rpm or rad/s, or `{in_cycles(reading.value)}` in {reading.unit.span.text}."
             raise Wrong(DimensionMismatch(reading.unit.span, what, hint))
         unit = reading.unit.span.words.replace(" ", "")
         offset = wanted.from_si(0.0)

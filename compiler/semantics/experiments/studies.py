@@ -10,12 +10,13 @@ from ...scene import Plan, Study, Swept
 from ...syntax import tree
 from ...syntax.blocks import flat
 from ..expressions.lists import parts_of
-from ..expressions.scales import check_cycles, scale_of
+from ..expressions.scales import scale_of
 from ..names.domain_table import paths_of
 from ..names.errors import UnknownName, WrongExperiment, WrongValue
 from ..names.scope import Scalar, Scope
 from ..names.statement_errors import Wrong, suggestion, wrong_unit
 from ..network.elaborate import Elaborator
+from ..resolution.cycles import refuse_rates_of_angles
 from .step_attributes import expressions_of, read_attributes, word
 
 
@@ -81,7 +82,7 @@ def read_response(elaborator: Elaborator, step: tree.Analysis, root: Scope, outp
         hint = suggestion(seen, list(outputs), f"Outputs: {', '.join(outputs) or 'none'}.")
         raise Wrong(UnknownName(target.span, seen, "the outputs", hint))
     assert step.range is not None
-    check_cycles(step.range.first, step.range.last)
+    refuse_rates_of_angles(elaborator, root, step.range.first, step.range.last)
     cycles = ONE if root.plain else ONE / SECOND
     low = elaborator.static(step.range.first, root, "The lowest frequency", cycles)
     high = elaborator.static(step.range.last, root, "The highest frequency", cycles)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterable, Iterator, Set
 from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import takewhile
@@ -168,6 +168,13 @@ def unit_notes(syntax: SyntaxTree) -> Iterator[str]:
     """Notes on products in which a number with a unit is followed by names that are also symbols of units."""
     if _has_candidate(syntax.source.text):
         yield from ambiguous_products(syntax.statements, syntax.source)
+
+
+def setting_notes(settings: Iterable[Any], names: Callable[[], Set[str]], home: Source) -> Iterator[str]:
+    """The same notes on the values of settings, where these names are known; they are not asked for without a reason."""
+    for setting in settings:
+        if _has_candidate(setting.span.text):
+            yield from ambiguous_products(in_one_literal(setting.value, names()), home)
 
 
 def ambiguous_products(node: object, home: Source) -> Iterator[str]:
