@@ -101,7 +101,8 @@ def fmu(
 ) -> bytes:  # fmt: skip
     """Return the bytes of a unit.
 
-    All parameters can be set, all inputs are free. With an experiment its settings are in it. Start, stop and tolerance are those of
+    All parameters can be set, except what decides which parts there are; all inputs are free. With an experiment its settings are in it.
+    Start, stop and tolerance are those of
     the experiment, or of the first one. `ports`: open ports of the model, each with `effort` or `flow`, which comes from outside.
     `icon`: its picture in other tools.
     Raises `CompilationFailed`, `UsageError`, `RunFailed`.

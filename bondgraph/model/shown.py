@@ -136,7 +136,9 @@ class Shown(AnalysedModel):
 
     @checked
     def compile(self, target: str = "numpy", *, part: str | None = None, single: bool = False) -> str:
-        """Return the source of a separate program, with every parameter and input as an argument. Raises `CompilationFailed`, `UsageError`.
+        """Return the source of a separate program, with every input as an argument, and every parameter that decides no structure.
+
+        Raises `CompilationFailed`, `UsageError`.
 
         `part`: an instance alone, such as a controller. `single`: C in `float` instead of `double`.
         """
