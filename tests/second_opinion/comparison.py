@@ -91,21 +91,25 @@ def compared(
     points: int = 5,
     rtol: float = 1e-7,
     settings: Mapping[str, float] | None = None,
+    witness: str | None = None,
+    structure: Mapping[str, Any] | None = None,
     target: str | None = None,
     **options: Any,
 ) -> Verdict:
-    """Run both. A refusal by the product is listed together with the second opinion's ability to run the text."""
+    """Run both, the second opinion on the `witness` if there is one; `structure`: settings of the product alone. A refusal by the product is listed together with the second opinion's ability to run the text."""
     product, refusal, code = None, "", ""
     try:
         model = _loaded(text)
         begin = model.compilation(Scene(None, "")).plan.start
         to = None if span is None else begin + span
-        product = model.simulate(to=to, points=points, rtol=rtol, settings=dict(settings or {}), target=target)
+        given = {**(settings or {}), **(structure or {})}
+        product = model.simulate(to=to, points=points, rtol=rtol, settings=given, target=target)
     except CompilationFailed as failed:
         code = " ".join(sorted({d.code for d in failed.diagnostics}))
         refusal = f"{code} {failed.diagnostics[0].sentence}"
     except (RunFailed, bondgraph.UsageError) as failed:
         code, refusal = "run", str(failed)
+    text = witness or text
     try:
         own = second(text, span, points, settings, same=_same(product), **options)
     except NotHeld as lack:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 PARTS = """
@@ -38,6 +38,8 @@ class Part:
     lines: tuple[str, ...]
     traits: frozenset[str] = frozenset()
     needed: bool = False
+    singly: tuple[str, ...] | None = None  # the same for the second opinion, where it reads another text
+    before: str = ""  # models that the lines use
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Example:
     plain: bool = True
     first: dict[str, float] | None = None  # the parameters of the first of the structure
     units: dict[str, str] = field(default_factory=dict)
+    structure: dict[str, object] = field(default_factory=dict)  # settings of the product's text alone
 
     @property
     def traits(self) -> frozenset[str]:
@@ -59,7 +62,7 @@ class Example:
     @property
     def settings(self) -> dict[str, float]:
         """The parameters that its lines read, with their values."""
-        body = " ".join(line for part in self.parts for line in part.lines)
+        body = " ".join(line for part in self.parts for line in (*part.lines, *(part.singly or ())))
         return {n: v for n, v in self.parameters.items() if re.search(rf"\b{n}\b", body)}
 
     @property
@@ -67,13 +70,20 @@ class Example:
         """The structure with its first parameters; the others are set."""
         return self.written(self.first or self.parameters)
 
-    def written(self, values: Mapping[str, float]) -> str:
-        """The whole model."""
+    @property
+    def witness(self) -> str:
+        """The text that the second opinion reads."""
+        parts = (p if p.singly is None else replace(p, lines=p.singly, before="") for p in self.parts)
+        return replace(self, parts=tuple(parts)).written(self.first or self.parameters, self.settings)
+
+    def written(self, values: Mapping[str, float], names: Iterable[str] | None = None) -> str:
+        """The whole model; `names` of the parameters that it declares."""
         body = "\n".join("  " + line for part in self.parts for line in part.lines)
         declared = "".join(
-            f"  parameter {n}{': ' + self.units[n] if n in self.units else ''} = {values[n]!r}\n" for n in self.settings
+            f"  parameter {n}{': ' + self.units[n] if n in self.units else ''} = {values[n]!r}\n"
+            for n in names or self.settings
         )
-        shared = "".join(
+        shared = "".join(part.before for part in self.parts) + "".join(
             f"plain model {piece}" for piece in PARTS.split("plain model ")[1:] if f"{piece.split()[0]} " in body
         )
         head = "plain model" if self.plain else "model"
@@ -323,24 +333,25 @@ def network(seed: int, structure: int = 8) -> Example:
     else:
         source, amplitude = w.name("S"), w.number()
         w.add(f"Sf {source} : f = {amplitude}*sin(3*time)", f"{source} -> {zeros[0]}")
-    for special in specials:
-        _special(w, special, ones, zeros)
+    for name in specials:
+        special(w, name, ones, zeros)
     for number, state in enumerate(w.states[:4]):
         owner = state.split(".")[0]
         w.add(
             f"output y{number} = {state}", f"output z{number} = {owner}.{'e' if state[0] == 'C' else 'f'}", needed=True
         )
     w.add(f"output s = {junctions[-1][0]}.{'e' if junctions[-1][1] == '0' else 'f'}", needed=True)
-    return _varied(Example(seed, tuple(w.parts), w.parameters, round(rng.uniform(1.0, 2.5), 2)), seed % structure)
+    return varied(Example(seed, tuple(w.parts), w.parameters, round(rng.uniform(1.0, 2.5), 2)), seed % structure)
 
 
-def _special(w: Writer, special: str, ones: list[str], zeros: list[str]) -> None:
+def special(w: Writer, name: str, ones: list[str], zeros: list[str]) -> None:
+    """Add what a name says, where there is a junction for it."""
     rng = w.rng
-    match special:
+    match name:
         case "friction" | "valve" | "branch" | "loop" | "sampled" | "relay" if ones:
-            getattr(w, special)(rng.choice(ones))
+            getattr(w, name)(rng.choice(ones))
         case "counter" | "bounce":
-            getattr(w, special)()
+            getattr(w, name)()
         case "controlled" if len(zeros) > 1:
             at, gate = rng.sample(zeros, 2)
             w.controlled(at, gate)
@@ -349,7 +360,7 @@ def _special(w: Writer, special: str, ones: list[str], zeros: list[str]) -> None
             w.field(first, second)
 
 
-def _varied(example: Example, number: int) -> Example:
+def varied(example: Example, number: int) -> Example:
     """The same structure with other parameters."""
     if not number:
         return example
@@ -376,7 +387,7 @@ class Dice(random.Random):
 def mechanism(seed: int, structure: int = 8) -> Example:
     """A random planar mechanism: a chain with springs, a four-bar or a slider-crank; `structure` seeds in a row differ in parameters."""
     number = seed // structure
-    return _varied([_chain, _four_bar, _slider_crank][number % 3](seed, Dice(number)), seed % structure)
+    return varied([_chain, _four_bar, _slider_crank][number % 3](seed, Dice(number)), seed % structure)
 
 
 def _u(rng: Dice, low: float, high: float) -> float:

@@ -11,8 +11,9 @@ from typing import Any
 
 from tests.second_opinion.comparison import Verdict, compared
 from tests.second_opinion.random_models import Example, mechanism, network
+from tests.second_opinion.structured_models import structured
 
-KINDS: dict[str, Callable[[int], Example]] = {"network": network, "mechanism": mechanism}
+KINDS: dict[str, Callable[[int], Example]] = {"network": network, "mechanism": mechanism, "structured": structured}
 BUDGET = 2500  # iterations of Newton's method
 POINTS = 4
 
@@ -75,8 +76,9 @@ def verdict_on(example: Example, seconds: int | None = None) -> Verdict:
     try:
         with limited(seconds):
             return compared(
-                example.text, example.span, points=POINTS, settings=example.settings, goal=1e-5, most=128, budget=BUDGET
-            )
+                example.text, example.span, points=POINTS, settings=example.settings, witness=example.witness, structure=example.structure,
+                goal=1e-5, most=128, budget=BUDGET,
+            )  # fmt: skip
     except TooLong:
         return Verdict("too long")
     except Exception as error:
