@@ -170,7 +170,7 @@ def multiply(*factors: Expression) -> Expression:
 
 
 def _join_roots(factors: list[Expression]) -> list[Expression]:
-    """abs(x) sign(x) = x: keeps V = gain sqrt(abs(c)) sign(c), squared, smooth at c = 0."""
+    """abs(x) sign(x) = x: keeps V = gain sqrt(abs(c)) sign(c), squared, smooth at c = 0; sign(x) x^2 = x abs(x), which has a slope everywhere."""
     for factor in factors:
         if type(factor) is Apply and factor.operator == "sign":
             break
@@ -186,6 +186,14 @@ def _join_roots(factors: list[Expression]) -> list[Expression]:
         if sign in result and inner in result:  # x sign(x) = abs(x)
             result.remove(sign)
             result[result.index(inner)] = magnitude
+        for place, factor in enumerate(result if sign in result else ()):
+            match factor:
+                case Apply(operator="power", operands=(base, Number(n))) if n >= 2 and (
+                    base == magnitude or (base == inner and n % 2 == 0)
+                ):
+                    result[place] = multiply(inner, power(magnitude, Number(n - 1)))
+                    result.remove(sign)
+                    break
     return result
 
 

@@ -69,7 +69,9 @@ class _Nodes:
         self.efforts, self.flows, self.bond_of = to.efforts, to.flows, to.bond_of
         self.integrals = FlowIntegrals(to, frozenset((*to.efforts, *to.flows)))
         # For each law once, for any number of elements: its solution in a direction, and its energy.
-        self.formulas: dict[tuple[Law, tuple[PortVariable, ...]], tuple[tuple[Bound, ...], bool, Bound | None]] = {}
+        self.formulas: dict[
+            tuple[Law, tuple[PortVariable, ...], bool], tuple[tuple[Bound, ...], bool, Bound | None]
+        ] = {}
         self.energies: dict[tuple[Law, tuple[str, ...]], tuple[Expression | None, tuple[Expression, ...]] | None] = {}
         self.starting: dict[tuple[Law, PortVariable], Bound | None] = {}
 
@@ -170,14 +172,17 @@ class _Nodes:
         A law that cannot be solved for them gives an implicit assignment for each. If the solution is not defined everywhere, the form
         that is gets stored beside it.
         """
-        key = (node.law, wanted)
+        fixed = not node.modulated and not any(self.to.reference(a) == 0.0 for a in node.arguments)
+        key = (node.law, wanted, fixed)
         if key not in self.formulas:
             found = solved(node.law, wanted)
             implicit = found is None
             if found is None:
                 found = paired(node.law, wanted)
             total = (
-                total_residual(node.law, wanted[0]) if found is not None and len(wanted) == 1 and not implicit else None
+                total_residual(node.law, wanted[0], fixed)
+                if found is not None and len(wanted) == 1 and not implicit
+                else None
             )
             self.formulas[key] = tuple(map(bind, found or ())), implicit, None if total is None else bind(total)
         bounds, implicit, total_form = self.formulas[key]

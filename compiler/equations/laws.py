@@ -8,12 +8,24 @@ from functools import lru_cache
 from ..algebra.affine import affine_parts, solve_affine
 from ..algebra.derivative import derivative
 from ..algebra.domain import is_steep, is_total
-from ..algebra.expression import ONE, ZERO, Expression, Symbol, depends_on, divide, negate, substitute, symbols
+from ..algebra.expression import (
+    ONE,
+    ZERO,
+    Expression,
+    Symbol,
+    depends_on,
+    divide,
+    negate,
+    operations,
+    substitute,
+    symbols,
+)
 from ..algebra.invert import solve_nonlinear
 from ..graph.elements import Kind
 from ..graph.network import Law, PortVariable
 
 Equations = tuple[tuple[Expression, Expression], ...]
+PRODUCTS = frozenset({"multiply", "divide", "power", "abs", "sign", "sqrt"})
 STORED = {"e": "q", "f": "p"}  # variable that a storage gives -> its stored quantity
 GIVEN = {"q": "e", "p": "f"}  # stored quantity -> variable that its law gives in integral form
 
@@ -56,8 +68,9 @@ def paired(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...]
 
 
 @lru_cache(maxsize=4096)
-def total_residual(law: Law, wanted: PortVariable) -> Expression | None:
+def total_residual(law: Law, wanted: PortVariable, fixed: bool) -> Expression | None:
     """Residual of a law that is defined and has slopes everywhere, for a law whose solution for the wanted variable has gaps or an infinite slope.
+    `fixed`: nothing but the variables of its ports changes in a run, and no parameter of it is zero.
 
     None if the solution itself is regular, or no form of the law is. A diode's voltage is a logarithm that ends at its saturation current; its
     current is defined for every voltage, and the author may have written either form. A cube root is steep at zero, the cube is not.
@@ -71,16 +84,17 @@ def total_residual(law: Law, wanted: PortVariable) -> Expression | None:
     others = {s.key for left, right in law.equations for s in (*symbols(left), *symbols(right)) if _is_own(s)}
     for other in sorted(others - {wanted}, key=lambda own: (own.port, own.variable)):
         turned = solved(law, (other,))
-        if turned is not None and depends_on(turned[0], Symbol(wanted)) and _is_better(turned[0], has_gaps):
+        if turned is not None and depends_on(turned[0], Symbol(wanted)) and _is_better(turned[0], has_gaps, fixed):
             return turned[0] - Symbol(other)
     return None
 
 
-def _is_better(turned: Expression, than_gaps: bool) -> bool:
+def _is_better(turned: Expression, has_gaps: bool, fixed: bool) -> bool:
     """Return True if a form is defined everywhere; in place of one that is steep it has slopes, and divides by nothing that may be zero: an opening."""
-    if than_gaps:
+    if has_gaps:
         return is_total(turned, _is_own)
-    return is_total(turned, lambda symbol: True) and not is_steep(turned, _is_own)
+    plain = fixed and all(node.operator in PRODUCTS for node in operations(turned))  # a sum of parameters may be zero
+    return is_total(turned, _is_own if plain else lambda symbol: True) and not is_steep(turned, _is_own)
 
 
 def _is_own(symbol: Symbol) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import bondgraph
 from bondgraph.errors import RunFailed
@@ -294,3 +295,31 @@ def test_a_bridge_of_unequal_diodes_goes_on_from_a_node_that_floats() -> None:
     np.testing.assert_allclose(
         model.simulate(to=0.0095, points=6, rtol=1e-3)["u"], right, rtol=0, atol=0.02 * right.max()
     )
+
+
+@pytest.mark.parametrize(("form", "share"), [("R", 0.5), ("R", 0.0), ("power", 0.5)])
+def test_orifices_at_a_node_begin_from_rest(form: str, share: float) -> None:
+    """All pressures and flows are zero at the start, where a root has no finite slope, nor has what it inverts any. The flow is then without a scale."""
+    law = "R {0} : Q = {1} [m^3/s/Pa^(1/2)]*{2}sign(P)*sqrt(abs(P))"
+    if form == "power":
+        law = "R {0} : P = 1 [Pa*s^2/m^6]*({2}{1})^(-2)*sign(Q)*Q^2"
+    orifices = [law.format(*row) for row in (("a", 1e-6, "o*"), ("b", 2e-6, ""), ("c", 2e-6, "o*"))]
+    text = "\n".join(
+        ["model Node {", "parameter o = 0.5", "Se s : P = 1e5 [Pa]*sin(7 [1/s]*time)", *orifices, "C t : P = V/1e-9 [m^3/Pa]",
+         "0 n, m : hydraulic", "s -> 1(a) -> n", "n -> b", "n -> 1(c) -> m", "m -> t", "output P = t.P", "}"]
+    )  # fmt: skip
+
+    def root(p: float) -> float:
+        return float(np.sign(p) * abs(p) ** 0.5)
+
+    def rate(time: float, volume: Any) -> float:
+        supply, stored = 1e5 * np.sin(7 * time), volume[0] / 1e-9
+        ends = min(supply, stored, 0.0) - 1, max(supply, stored, 0.0) + 1
+        node = brentq(
+            lambda p: share * root(supply - p) - 2 * root(p) - 2 * share * root(p - stored), *ends, xtol=1e-12
+        )
+        return 2e-6 * share * root(node - stored)
+
+    found = bondgraph.load(text).simulate(to=0.4, points=5, settings={"o": share}, rtol=1e-4)
+    right = solve_ivp(rate, (0, 0.4), [0.0], method="LSODA", rtol=1e-6, atol=1e-13, t_eval=found.time).y[0] / 1e-9
+    np.testing.assert_allclose(found["P"], right, rtol=0, atol=1e-3 * np.abs(right).max() + 1e-12)
