@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .codegen.lowered import Lowered
     from .codegen.program import EventNote, Hybrid, LimitNote, Program, SettingNote, TimeFunction, TimeFunctions
     from .codegen.ranges import Ranges
+    from .codegen.rounding import rounding_of
     from .codegen.series import TaylorSeries
     from .codegen.structure import CHANGING, ProgramStructure, structure_of
     from .codegen.tape import Tape

@@ -88,6 +88,7 @@ class TimeFunctions:
     narrow: tuple[int, ...]  # operations behind `Program.signals` that may move a lot within a short time
     conditions: tuple[NarrowCondition, ...] = ()
     narrow_names: tuple[str, ...] = ()  # of the quantities that the operations `narrow` are part of
+    indicators: tuple[int, ...] = ()  # operations of all located conditions, as `Hybrid.conditions`
 
     def needed(self, roots: Sequence[int]) -> list[int]:
         """Return the operations that some roots need, operands first: they stand in that order already."""

@@ -93,8 +93,10 @@ def narrow_conditions(lowered: Lowered) -> tuple[tuple[int, Expression, tuple[Ex
 def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> TimeFunctions | None:
     """Functions of time of a program whose constants are these expressions; None if it has none."""
     conditions = narrow_conditions(lowered)
-    roots = (*lowered.time_roots, *(x for _, root, narrow in conditions if narrow for x in (root, *narrow)))
-    if not roots and not conditions:
+    indicators = [item.root for item in lowered.events.located]
+    ranged = [x for _, root, narrow in conditions if narrow for x in (root, *narrow)]
+    roots = (*lowered.time_roots, *ranged, *indicators)
+    if not roots:
         return None
     leaves: dict[Expression, int] = {node: number for number, node in enumerate(constants)}
     places: dict[Expression, int] = {}
@@ -123,7 +125,9 @@ def time_functions_of(lowered: Lowered, constants: Sequence[Expression]) -> Time
     )
     narrow = lowered.time_roots[count:]
     names = _names_of(narrow, lowered) if narrow else ()
-    return TimeFunctions(tuple(nodes), tuple(functions), tuple(places[n] for n in narrow), narrow_ones, names)
+    return TimeFunctions(
+        tuple(nodes), tuple(functions), tuple(places[n] for n in narrow), narrow_ones, names, tuple(places[x] for x in indicators)
+    )  # fmt: skip
 
 
 def constants_of_signals(lowered: Lowered, constants: Sequence[Expression]) -> tuple[int, ...]:

@@ -191,7 +191,9 @@ def test_places_of_narrow_conditions() -> None:
     evaluated = Ranges(found, [first.place, place], [])
     root, narrow = evaluated.values(0.0, np.zeros(0), np.array([0.01, 0.0]))
     assert (root, narrow) == (math.exp(-0.5) - 0.5, math.exp(-0.5))
-    assert time_functions_of(located(X), []) is None
+    assert time_functions_of(located(), []) is None
+    straight = time_functions_of(located(X), [])
+    assert straight is not None and (straight.conditions, straight.indicators) == ((), (0,))
 
 
 def test_a_crossing_knows_its_slope_and_what_it_reads() -> None:

@@ -84,3 +84,23 @@ def test_zero_by_a_symmetry_is_no_doubt() -> None:
 def test_models_of_the_gallery_have_no_doubt(name: str) -> None:
     model = bondgraph.load(MODELS / f"{name}.bg")
     assert not any("terms that cancel" in w.condition for w in model.simulate(model.experiments[0]).warnings)
+
+
+# Conditions on what vanishes but for rounding, then two that are small and do cross zero, twice above it with the start.
+CANCELLED = (
+    "x/3 + x/7 - x*(10/21)", "sqrt(x^2) - abs(x)", "sin(x)^2 + cos(x)^2 - 1", "(x + y) - x - y", "(x + y)^2 - x^2 - 2*x*y - y^2",
+    "(x + 1)^3 - x^3 - 3*x^2 - 3*x - 1", "x/3 + x/11 + x/7 - x*(131/231)", "x - twin",
+    "1e-12*x", "x/3 + x/7 - x*(10/21) + 1e-12*x",
+)  # fmt: skip
+
+
+def test_conditions_that_are_rounding_count_as_zero() -> None:
+    """Rounding of terms that cancel was counted as switching, or its changes did not end; the smallest crossing of what is no rounding counts."""
+    text = "plain model A {\n  signal x = integral(v, 1), v = integral(-4*x, 0), twin = integral(v, 1)\n"
+    text += "  signal y = integral(w, 0.3), w = integral(-9*y - 0.1*w, 1)\n"
+    for i, condition in enumerate(CANCELLED):
+        text += f"  mode n{i} = 0\n  when {condition} > 0 {{ n{i} = n{i} + 1 }}\n  output c{i} = n{i}\n"
+    model = bondgraph.load(text + "}\n")
+    for solver in ("automatic", "rodas"):
+        found = model.simulate(to=4, points=3, solver=solver)
+        assert [found.final(f"c{i}") for i in range(len(CANCELLED))] == [0] * (len(CANCELLED) - 2) + [2, 2]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from compiler.api import Array, Hybrid
+from compiler.api import Array, Hybrid, rounding_of
 
 from ...errors import RunFailed
 from ...numerics.scales import nonzero
@@ -25,7 +25,7 @@ from ..integrators.compiled.record_layout import RecordArray
 if TYPE_CHECKING:
     from ..segments.units import CoSimulatedUnits
 
-SHAKES, LAST_PLACES = 8, 2.0**-52  # evaluations, with values moved by some units in the last place
+CERTAIN = 4.0  # in units of the bound on the rounding of its terms: a larger root is none
 UNMEASURED = 0.25  # of the rounding of a root: as `decide` has it, where nothing was known when the mode was decided
 Flow = tuple[Any, float] | None  # rates, and the time in which they move a state by its magnitude; None without rates
 
@@ -71,6 +71,7 @@ class EventIndicators:
         self.floor = np.zeros(len(self.places))  # rounding of roots that were zero at the last instant
         # roots that leave zero more slowly than a look ahead shows at once
         self.slow = np.zeros(len(self.places), dtype=bool)
+        self.terms = np.full(len(self.places), np.inf)  # rounding of their terms, where it was asked for last
 
     def anew(self, magnitude: Array) -> Self:
         """Return the indicators of another phase, which takes over the record."""
@@ -172,13 +173,18 @@ class EventIndicators:
             return np.zeros(0, dtype=bool)
         self.evaluated(at)
         record = self.record
-        if record.call("doubt"):
+        for known in (False, True):
+            if not record.call("doubt"):
+                break
             ahead = record
             if self.program.unknowns.names:
                 ahead = interpreted_record(self.program, record, {"solve": self._solve})
             with suppress(RunFailed):  # loops may have no solution there
                 ahead.call("look_ahead")
-            record.call("decide")
+            if not record.call("decide") or known:
+                break
+            self._discount_terms(at)
+            self.evaluated(at)[1][:] = record["noise"]
         self.floor, self.slow = np.array(record["floor"]), record["sought"] == SLOWLY
         return record["truth"] != 0
 
@@ -189,18 +195,19 @@ class EventIndicators:
         """Return the rounding error of each root."""
         return self.evaluated(at)[1]
 
-    def rounding_of_terms(self, at: HybridState) -> Any:
-        """Return how far the roots move if all values change in their last places: the rounding of terms that cancel, which no magnitude of a state
-        tells, as in a sum of the three phases of a star."""
-        roots = self.roots(at.time, at.state, at.mode)
-        largest, random = np.zeros(len(roots)), np.random.default_rng(0)
-        for _ in range(SHAKES):
-            state, inputs, constants = (
-                v * (1 + LAST_PLACES * random.integers(-4, 5, len(v))) for v in (at.state, self.inputs, self.constants)
-            )
-            moved = self.hybrid.roots(at.time, state, inputs, constants, at.mode)
-            largest = np.fmax(largest, np.abs(moved - roots))
-        return largest
+    def rounding_of_terms(self, times: Array, states: Array, mode: Array) -> Any:
+        """Return up to which size roots at instants are rounding of terms that cancel, which no magnitude of a state tells, as in a sum of the three
+        phases of a star; shape (instants, roots), 0 where it is not known."""
+        functions = self.program.time_functions
+        assert functions is not None
+        given = {"constant": self.constants, "input": self.inputs, "mode": mode}
+        bounds = CERTAIN * rounding_of(functions, times, states, self.magnitude, given)
+        return np.where(np.isfinite(bounds), bounds, 0.0)
+
+    def _discount_terms(self, at: HybridState) -> None:
+        """Let the rounding of the roots that are evaluated contain that of their terms."""
+        terms = self.rounding_of_terms(np.array([at.time]), at.state[None, :], at.mode)[0]
+        self.record["noise"][:] = np.maximum(self.record["noise"], terms)
 
     def flow(self, at: HybridState) -> Flow:
         """Return the rates of the states, and the time in which the flow moves a state by its magnitude, or the run's length; None without rates."""
@@ -213,7 +220,8 @@ class EventIndicators:
             record = self.record
             record.record.time = at.time
             record["state"][:], record["mode"][:] = at.state, at.mode
-            record.call("evaluate")
+            if record.call("evaluate"):
+                self._discount_terms(at)
             flow = (np.array(record["rate"][: self.count]), record.record.whole) if record.record.flows else None
             self.last = key, (np.array(record["root"]), np.array(record["noise"]), flow)
         return self.last[1]

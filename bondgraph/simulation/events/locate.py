@@ -30,7 +30,9 @@ NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, f
 GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
-SUSPICIOUS, SHAKEN = 64, 4.0  # parts after which roots may be rounding of terms that cancel; factor on that rounding
+SUSPICIOUS = 4  # parts, and twice as many again and again, after which roots may be rounding of terms that cancel
+DOUBTFUL = 1e6  # in units of the rounding of terms where it was asked for last: a larger root is not asked for again
+MORE = 1.01  # on a bound, for its own rounding
 MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 if TYPE_CHECKING:
@@ -57,7 +59,7 @@ def first_flip(
     """
     if not len(events.places):
         return None
-    step = _SearchedStep(events, mode, np.asarray(mode)[events.places] == 1.0, state_at, within)
+    step = _SearchedStep(events, mode, np.asarray(mode)[events.places] == 1.0, (start, stop), state_at, within)
     step.begin()
     record, mask = events.record, step.mask
     resolved = 64 * float(np.spacing(max(abs(start), abs(stop))))
@@ -78,8 +80,9 @@ def first_flip(
         if not record["near_count"] and not hidden.any():
             continue
         count += 1
-        if count == SUSPICIOUS:
-            step.discount_rounding(high)
+        if count >= SUSPICIOUS and not count & (count - 1) and step.discount_rounding(high, mask("near") | hidden):
+            waiting.append((low, high, widths))
+            continue
         if count > MOST_PARTS:
             raise _unresolved(events, low, np.flatnonzero((mask("near") & ~mask("converged")) | hidden))
         if bounded is not None and halved <= MOST_HIDDEN:
@@ -97,9 +100,13 @@ def first_flip(
             continue
         found = step.first_in((low, high))
         if found is not None:
-            events.spacing = high - low
-            return Flip(found, state_at(np.array([found]), True)[0], step.touching == CHANGES)
-    events.spacing = np.inf
+            changed = step.touching == CHANGES
+            if step.discount_rounding(found, changed & ~mask("converged")):
+                waiting.append((low, high, widths))
+                continue
+            events.spacing, events.floor = high - low, step.floor
+            return Flip(found, state_at(np.array([found]), True)[0], changed)
+    events.spacing, events.floor = np.inf, step.floor
     last = np.abs(step.roots(np.array([stop]), False)[0])
     events.floor = np.where((last > FREE * events.floor) & np.isfinite(last), 0.0, events.floor)
     return None
@@ -112,10 +119,14 @@ class _SearchedStep:
     events: Events
     mode: Any
     said: Any  # mask of the conditions that hold in the mode
+    ends: tuple[float, float]
     state_at: StateAt
     within: CompiledMethod | None  # the method whose last step it is
     noise: Any = None  # rounding of the indicators, found on use
     touching: Any = None  # of the conditions at the zero crossing, as `goes_on` says it
+    floor: Any = None  # rounding of the roots before the step
+    rounded: Any = False  # mask of the conditions that are nothing else in it
+    largest: Any = 0.0  # of the roots in the parts so far
 
     @property
     def solved_for(self) -> bool:
@@ -131,12 +142,13 @@ class _SearchedStep:
 
     def begin(self) -> None:
         """Put the mode and the rounding of the roots into the record of the conditions."""
-        record = self.events.record
-        record["said"][:], record["floor"][:] = self.said, self.events.floor
+        record, self.floor = self.events.record, self.events.floor
+        record["said"][:], record["floor"][:] = self.said, self.floor
 
     def survey(self, part: tuple[float, float], times: Array, begins: bool) -> None:
         """Examine the polynomials of a part through the roots at its places, which are these times; `begins`: it begins the step."""
         record, values = self.events.record, self.roots(times, False)
+        self.largest = np.fmax(self.largest, np.abs(values).max(axis=0))
         coefficients = COEFFICIENTS @ np.where(np.isfinite(values), values, 0.0)
         record["values"][:], record["form"][:] = values.reshape(-1), coefficients.reshape(-1)
         record["grid"][:] = (ON_GRID @ coefficients).reshape(-1)
@@ -153,14 +165,25 @@ class _SearchedStep:
             self.noise = self.events.noise(HybridState(time, self.state_at(np.array([time]), False)[0], self.mode))
         return self.noise
 
-    def discount_rounding(self, time: float) -> None:
-        """Let roots that are nothing but the rounding of their terms, over the surveyed part, count as zero from now on."""
-        terms = SHAKEN * self.events.rounding_of_terms(
-            HybridState(time, self.state_at(np.array([time]), False)[0], self.mode)
-        )
-        largest = np.abs(self.events.record["values"].reshape(-1, len(terms))).max(axis=0)
-        self.events.floor = np.where(largest <= terms, np.maximum(self.events.floor, terms), self.events.floor)
-        self.begin()
+    def discount_rounding(self, time: float, doubtful: BoolArray) -> bool:
+        """If one of the doubtful roots may be but the rounding of its terms, let all that are so wherever the step was looked at count as zero in it;
+        return False if none is."""
+        events = self.events
+        if not (doubtful & ~self.rounded & (self.largest <= DOUBTFUL * events.terms)).any():
+            return False
+        start, stop = self.ends
+        times = np.append(start + (stop - start) * SHARES, time)
+        states = self.state_at(times, False)
+        terms = events.rounding_of_terms(times, states, self.mode)
+        events.terms = terms.max(axis=0)
+        within = ((np.abs(events.roots(times, states, self.mode)) <= terms) & (terms > 0)).all(axis=0)
+        # Where terms do not cancel, the magnitudes of the states tell more of rounding, and the mode just after an instant has heard of it.
+        cancel = MORE * terms[-1] >= events.noise(HybridState(time, states[-1], self.mode))
+        more = within & cancel & ~self.rounded & (self.largest <= events.terms)
+        self.rounded |= more
+        events.floor = np.where(more, np.fmax(events.floor, events.terms), events.floor)
+        events.record["floor"][:] = events.floor
+        return bool(more.any())
 
     def bounds(self, part: tuple[float, float], times: Array, widths: Array | None) -> tuple[Overlooked | None, Any]:
         """Return bounds on narrow conditions over a part, and a mask of those that may have a zero there and are not constant but for rounding."""
@@ -169,7 +192,8 @@ class _SearchedStep:
             return None, None
         bounded = events.bounds.over(part, times, self.state_at(times, False), self.mode, events.floor, widths)
         events.reach = np.maximum(events.reach, np.where(np.isfinite(bounded.reach), bounded.reach, 0.0))
-        return bounded, np.asarray(bounded.zero, dtype=bool) & ~(bounded.reach <= CONSTANT * events.reach)
+        moves = ~(bounded.reach <= CONSTANT * events.reach) & ~self.rounded
+        return bounded, np.asarray(bounded.zero, dtype=bool) & moves
 
     def minima(self, part: tuple[float, float]) -> list[float]:
         """Return the instants of the surveyed part at which indicators that no place shows behind their zero crossing are nearest to zero."""

@@ -82,7 +82,9 @@ class ValveSwitching:
         roots = indicators.roots(at.time, at.state, at.mode)
         against = np.zeros(len(roots), dtype=bool)
         against[places] = indicators.truth(roots)[places]
-        limit = UPHELD * np.maximum(indicators.noise(at), indicators.rounding_of_terms(at))
+        limit = UPHELD * np.maximum(
+            indicators.noise(at), indicators.rounding_of_terms(np.array([at.time]), at.state[None, :], at.mode)[0]
+        )
         if (np.abs(roots[against]) > limit[against]).any():
             return False
         at.mode[indicators.places[against]] = 0.0

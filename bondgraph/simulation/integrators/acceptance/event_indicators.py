@@ -23,6 +23,10 @@ AGREE = 0.5  # of a change: as well do two iterations agree that show it
 SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
 ROUNDED = NOISE / SHARE
 LATE = 32.0  # units in the last place of a time: the change of a root within it counts as zero
+CANCELLED, JUMPED = (
+    1e8,
+    1e4,
+)  # in units of the rounding of a root: less is or moves what is no rounding of terms that cancel
 CERTAIN = 4.0  # in units of the rounding of a root: a larger change shows where it goes
 INFINITE = float("inf")
 
@@ -105,7 +109,10 @@ class IndicatorWorkspace(Record):
 
 def evaluate(k: IndicatorWorkspace) -> int:
     """Compute the roots, the flow, and the rounding of the roots: from the states, in units of their magnitudes, and from the instant, its change
-    along the flow during the uncertainty of a located one, with unknowns of loops fixed."""
+    along the flow during the uncertainty of a located one, with unknowns of loops fixed.
+
+    Return the number of roots that may be rounding of terms that cancel: the states' moves show next to nothing of that.
+    """
     put_flow(k)
     if k.root_count == 0:
         return 0
@@ -131,7 +138,11 @@ def evaluate(k: IndicatorWorkspace) -> int:
         for i in range(k.count):
             k.later[i] = k.state[i] + span * k.rate[i]
         add_change(k, k.time + span, late / span)
-    return 0
+    count = 0
+    for j in range(k.root_count):
+        if k.noise[j] < abs(k.root[j]) and (k.noise[j] == 0.0 or abs(k.root[j]) <= CANCELLED * k.noise[j]):
+            count += 1
+    return count
 
 
 def put_flow(k: IndicatorWorkspace) -> None:
@@ -259,9 +270,12 @@ def decide(k: IndicatorWorkspace) -> int:
 
     A root that stays at zero must not cross; one that leaves zero must be located when it returns, and be doubtful then. Nor must that of a law which
     is still on the other side: the law would change again and again. What leaves zero so slowly that it stays within the tolerance for some steps is
-    not contradicted there: the dense output of these has any sign.
+    not contradicted there: the dense output of these has any sign. Return the number of changes that may be rounding of terms that cancel.
     """
+    count = 0
     for j in range(k.root_count):
+        if k.sought[j] != 0 and abs(k.moved[j]) > JUMPED * k.noise[j]:
+            count += 1
         if k.sought[j] != 0:
             k.floor[j] = max(0.25 * k.noise[j], 2.0 * abs(k.root[j]))
             if k.moved[j] != 0.0:
@@ -272,7 +286,7 @@ def decide(k: IndicatorWorkspace) -> int:
                 k.truth[j] = truth(0.0, k.strict[j])
             if k.sought[j] == SLOWLY:
                 k.floor[j] = max(k.floor[j], k.relative / NOISE * k.noise[j])
-    return 0
+    return count
 
 
 def keep(k: IndicatorWorkspace) -> int:

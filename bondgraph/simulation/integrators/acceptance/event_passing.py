@@ -187,6 +187,9 @@ def first_crossing(e: EventWorkspace, start: float, stop: float) -> int:
             roots_along(s, k.suspect_count, e.times, e.roots_there)
             if k.suspect_count > 0 and narrow(k, s, 0, k.suspect_count, e.times, e.roots_there) != 0:
                 e.spacing = high - low
+                for j in range(s.root_count):
+                    if k.touching[j] == CHANGES and k.converged[j] == 0:
+                        return LEFT  # a jump, or rounding of terms that cancel
                 return FOUND
         low = high
     e.spacing = INFINITE
@@ -399,10 +402,12 @@ def settling(e: EventWorkspace) -> int:
     """Change the mode until all conditions are as just after the instant; return `LEFT` where they do not settle."""
     k = e.conditions
     for _ in range(2 * (k.root_count + 1)):
-        evaluate(k)
+        if evaluate(k) > 0:
+            return LEFT
         if doubt(k) > 0:
             look_ahead(k)
-            decide(k)
+            if decide(k) > 0:
+                return LEFT
         changed = 0
         for j in range(k.root_count):
             if float(k.truth[j]) != k.mode[k.places[j]]:
