@@ -57,8 +57,8 @@ def refuse_two_readings(values: Mapping[str, Any], known: Mapping[str, Any]) -> 
     """Raise `UsageError` for texts with a unit such as `N/m` that in the model is `N` over its own length `m`: the text of a setting is read so."""
     from compiler.api import Source, read_unit
 
-    for what, given in values.items():
-        for text in (given,) if isinstance(given, str) else given if isinstance(given, Sequence) else ():
+    for what, value in values.items():
+        for text in (value,) if isinstance(value, str) else value if isinstance(value, Sequence) else ():
             for name in _SECOND_UNIT.findall(_IN_BRACKETS.sub("", text) if isinstance(text, str) else ""):
                 own = known.get(name)
                 if (

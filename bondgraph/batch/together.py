@@ -115,8 +115,8 @@ def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: B
     for segment in course.segments:
         part = slice(*instants.searchsorted((segment.start, segment.stop)).tolist())
         if part.start < part.stop:
-            for row, found in enumerate(_outputs_of(scene, runs, instants[part], states[:, part], segment.mode)):
-                values[row, part] = found
+            for row, outputs in enumerate(_outputs_of(scene, runs, instants[part], states[:, part], segment.mode)):
+                values[row, part] = outputs
     last = course.segments[-1]
     modes = mode_after(program, runs.constants, last.stop, last)
     values[:, -1] = program.output(instants[-1], states[:, -1], scene.inputs, runs.constants, modes)

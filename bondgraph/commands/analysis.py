@@ -87,9 +87,9 @@ def analysis(name: str, of_outputs: bool = True, checked: bool = True) -> Callab
                 assignments, files = settings_by_name(settings), taken(OutputFiles, own)
                 if checked:
                     files.check()
-                asked = AnalysisCall(file, model, named(experiment), assignments, tuple(outputs) or None, files)
-                echo_readings(asked.model, asked.experiment, assignments)
-                function(asked, **own)
+                call = AnalysisCall(file, model, named(experiment), assignments, tuple(outputs) or None, files)
+                echo_readings(call.model, call.experiment, assignments)
+                function(call, **own)
 
         own = vars(command).pop("__click_params__", [])
         shared = [experiment_option, settings_option, json_option, model_option]

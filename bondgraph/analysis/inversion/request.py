@@ -28,8 +28,8 @@ def inverted(
     from ...simulation.run_options import seconds
 
     drives = drives_of(inputs)
-    known = model.compilation(model.scene(asked.experiment)).whole_graph.quantities
-    refuse_two_readings(targets if to is None else along.get("limits") or {}, known)
+    quantities = model.compilation(model.scene(asked.experiment)).whole_graph.quantities
+    refuse_two_readings(targets if to is None else along.get("limits") or {}, quantities)
     names = tuple(n for d in drives for n in (d.push, d.pull) if n is not None)
     _, fixed = independent(model, names, asked.experiment, asked.settings or {})
     asked = replace(asked, settings=fixed)
