@@ -10,23 +10,10 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from tests.second_opinion.random_models import Example, Part, Writer, special, varied
+from tests.second_opinion.random_models import SPECIALS, Example, Part, Writer, special, varied
 
 ITEM = re.compile(r"\b([CIgMz]\w*)\[(\d)\]")
 STORED = re.compile(r"\.b\[(\d)\]\.[qp]\b")
-SPECIALS = (
-    "friction",
-    "valve",
-    "branch",
-    "loop",
-    "sampled",
-    "relay",
-    "counter",
-    "bounce",
-    "controlled",
-    "field",
-    "none",
-)
 LOOPS = ("linear", "tanh", "cubic", "pair", "kink", "force", "vector", "rate", "space", "each", "orbit")
 
 
