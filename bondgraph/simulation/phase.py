@@ -85,17 +85,13 @@ class Phase:
         self.off = compilation.compilation.off if hybrid is not None and hybrid.junctions else ()
         self.history = None if compilation.program.delays is None else self._history(compilation.program)
         self.program = program = compilation.program if self.history is None else self.history.program
-        ends, known = (
-            (instants[0] if begin is None else begin.time, float(instants[-1])),
-            {} if known is None else known,
-        )
+        ends = instants[0] if begin is None else begin.time, float(instants[-1])
+        known = {} if known is None else known
         again = program in known or self.history is not None  # its pilot runs show nothing new
         known[program] = self.shared = known.get(program) or self._run_program(program, ends)
         values, size = self.shared.values, np.ones(len(program.states.names))
-        self.inputs, self.constraints = (
-            values.inputs,
-            Constraints(program, values.parameters, values.inputs, size, values),
-        )
+        self.inputs = values.inputs
+        self.constraints = Constraints(program, values.parameters, values.inputs, size, values)
         self.stretches = rest_of(self.shared.course.segments, ends[0])
         start = self._start()
         # a start finds redundant constraints and leaves them out

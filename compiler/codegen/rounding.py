@@ -36,11 +36,7 @@ def rounding_of(functions: TimeFunctions, times: Any, states: Any, magnitude: An
                 known[number] = value, BASIC * np.maximum(np.abs(value), magnitude[operands[0]])
             elif operator in ("number", "time", "constant", "input", "mode"):
                 value = (
-                    times
-                    if operator == "time"
-                    else operands[0]
-                    if operator == "number"
-                    else given[operator][operands[0]]
+                    given[operator][operands[0]] if operator in given else times if operator == "time" else operands[0]
                 )
                 exact = operator == "mode" or (operator == "number" and value == round(value))
                 known[number] = value, 0.0 if exact else BASIC * np.abs(value)

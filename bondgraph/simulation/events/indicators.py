@@ -173,7 +173,7 @@ class EventIndicators:
             return np.zeros(0, dtype=bool)
         self.evaluated(at)
         record = self.record
-        for known in (False, True):
+        for discounted in (False, True):
             if not record.call("doubt"):
                 break
             ahead = record
@@ -181,7 +181,7 @@ class EventIndicators:
                 ahead = interpreted_record(self.program, record, {"solve": self._solve})
             with suppress(RunFailed):  # loops may have no solution there
                 ahead.call("look_ahead")
-            if not record.call("decide") or known:
+            if not record.call("decide") or discounted:
                 break
             self._discount_terms(at)
             self.evaluated(at)[1][:] = record["noise"]
