@@ -23,7 +23,7 @@ def quantity(text: str | float, unit: str, what: str) -> float:
         return float(text)
     found = _NUMBER.fullmatch(text)
     if found is not None:
-        number, own = Fraction(found[1]), found[2].removeprefix("[").removesuffix("]")
+        number, own = Fraction(found[1]), unit_written(text)
         try:
             if not own:
                 return float(number)
@@ -51,6 +51,12 @@ def quantities(text: str, unit: str, what: str) -> list[float]:
         )  # fmt: skip
     first, last, steps = quantity(low, unit, what), quantity(high, unit, what), int(count) - 1
     return [first + (last - first) * i / steps for i in range(steps + 1)]
+
+
+def unit_written(text: str) -> str:
+    """Return the unit behind the number of a text; "" where there is none."""
+    found = _NUMBER.fullmatch(text)
+    return "" if found is None else found[2].removeprefix("[").removesuffix("]")
 
 
 def refuse_two_readings(values: Mapping[str, Any], known: Mapping[str, Any]) -> None:

@@ -22,6 +22,8 @@ from ..keywords import (
 from .shown import STAGES, Shown
 
 if TYPE_CHECKING:
+    from ipywidgets import VBox
+
     from compiler.api import BoundedParameter, Distribution
 
     from ..analysis.inversion.feed_forward import FeedForward
@@ -220,6 +222,39 @@ class Model(Shown, AnalysedModel):
             )
         chosen = {**options, "to": to, "points": points, "check": check, "error": error}
         return simulate(self, _request(experiment, settings, chosen), before)
+
+    @checked
+    def explore(
+        self, vary: Mapping[str, str], experiment: str | None = "", settings: Mapping[str, str | float] | None = None, to: str | float | None = None,
+        **options: Unpack[RunKeywords],
+    ) -> VBox:  # fmt: skip
+        """Show a notebook's sliders for the settings to `vary`, with the plot and the summary of the run at their values.
+
+        `vary`: ranges by name, as texts (`50 N/m .. 200 N/m`, `log 1 Hz .. 1 kHz`); a slider has the unit of its upper end. The rest is as in `simulate`.
+        Raises as that, and `MissingPackage` without ipywidgets or matplotlib.
+        """
+        from ..presentation.explorer import SliderRange, explorer
+        from ..quantities import unit_written
+        from ..studies.fit_problem import sought
+        from ..studies.scalar_study import units_of
+
+        fixed = dict(settings or {})
+        kinds = units_of(self, vary, experiment, fixed)
+        quantities = self.compilation(self.scene(experiment, fixed)).whole_graph.quantities
+        ranges = [
+            SliderRange(
+                sought(text, kinds[name], name),
+                quantities[name].value,
+                unit_written(text.partition("..")[2]),
+                kinds[name],
+            )
+            for name, text in vary.items()
+        ]
+
+        def simulate(values: Mapping[str, str | float]) -> Result:
+            return self.simulate(experiment, {**fixed, **values}, to, **options)
+
+        return explorer(simulate, ranges)
 
     @checked
     def simulate_many(

@@ -124,6 +124,32 @@ def test_plots_are_figures_and_go_into_axes() -> None:
     np.testing.assert_array_equal(panel.lines[1].get_ydata(), alone["b"])
 
 
+def test_sliders_run_the_model_at_their_values() -> None:
+    """In the author's unit, first at the model's value; a change makes a new plot; what fails is told in its place."""
+    pytest.importorskip("ipywidgets")
+    model = bondgraph.load(RC)
+    box = model.explore({"U": "500 mV .. 3000 mV"}, outputs=["a"])
+    slider, plot, text = box.children
+    assert (slider.min, slider.max, slider.value, slider.description) == (500.0, 3000.0, 1000.0, "U [mV]")
+    first = plot.value
+    slider.value = 2000.0
+    assert f"{model.simulate(settings={'U': '2 V'}).final('a'):.6g}" in text.value and plot.value != first
+    for wrong, reason in (
+        ("2 V .. 1 V", "from low to high"),
+        ("2 V", "LOW .. HIGH"),
+        ("", "two ends"),
+        ("log 0 .. 2 V", "two ends"),
+        ("1 m .. 2 m", "no quantity"),
+    ):
+        with pytest.raises(UsageError, match=reason):
+            model.explore({"U": wrong})
+    bounded = bondgraph.load(RC.replace("u = U", "u = 1 V*sqrt(2 - U/1 [V])"))
+    slider, _, text = bounded.explore({"U": "log 100 mV .. 10 V"}).children
+    assert (slider.min, slider.max, slider.value, slider.description) == (-1.0, 1.0, 1.0, "U [V]")
+    slider.value = 3.0
+    assert "square root" in text.value
+
+
 def test_studies_are_tables_of_pandas() -> None:
     model = bondgraph.load(RC)
     table = model.sweep({"U": ["1 V", "2 V"]}, of="equilibrium").to_pandas()
