@@ -36,6 +36,11 @@ def coefficients(stages: int) -> Sequence[Any]:
     order = sorted((k for k in range(stages) if values[k].imag <= 1e-9), key=lambda k: abs(values[k].imag))
     rows = [vectors[:, order[0]].real, *(part for k in order[1:] for part in (vectors[:, k].real, vectors[:, k].imag))]
     forth = np.stack([row / np.abs(row).max() for row in rows[:1]] + rows[1:])
+    # An eigenvector has either sign, as it comes from LAPACK; a pair of them shares its: that of the table.
+    first = sum(n * n for n in (3, 5, 7) if n < stages)
+    table = np.reshape(radau13_coefficients.TI[first : first + stages**2], (stages, stages))
+    signs = [1.0 if table[k] @ forth[k] > 0 else -1.0 for k in (0, *range(1, stages, 2))]
+    forth *= np.array([signs[0], *np.repeat(signs[1:], 2)])[:, None]
     start = np.linalg.solve(
         basis.T, legendre.legvander(np.array([-1.0]), stages - 1)[0]
     )  # Lagrange polynomials at the start

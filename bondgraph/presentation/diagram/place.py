@@ -116,7 +116,7 @@ def _roots(model: DiagramModel, network: nx.MultiGraph) -> list[int]:
     inner = [n for n in network if len(network[n]) > 1] or list(network)[:1]
     core = _network(model, inner)
     *_, first = (inner[0], *(n for _, n in nx.bfs_edges(core, inner[0])))
-    before = dict(nx.bfs_predecessors(core, first))
+    before = {node: previous for previous, node in nx.bfs_edges(core, first)}
     *_, last = (first, *before)
     way = [last]
     while way[-1] != first:

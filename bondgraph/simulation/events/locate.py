@@ -125,7 +125,7 @@ class _SearchedStep:
     noise: Any = None  # rounding of the indicators, found on use
     touching: Any = None  # of the conditions at the zero crossing, as `goes_on` says it
     floor: Any = None  # rounding of the roots before the step
-    rounded: Any = False  # mask of the conditions that are nothing else in it
+    rounded: Any = np.False_  # mask of the conditions that are nothing else in it
     largest: Any = 0.0  # of the roots in the parts so far
 
     @property
