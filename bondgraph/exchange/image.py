@@ -11,6 +11,7 @@ import numpy as np
 from compiler.api import FLOATS, INTS, Fields, record_of, zeros_of
 
 from ..simulation.integrators.acceptance.event_indicators import IndicatorWorkspace
+from ..simulation.integrators.acceptance.first_crossing import MOST_PARTS
 from ..simulation.integrators.compiled.fields import given_at, room_of
 from ..simulation.integrators.compiled.record_layout import RecordLayout
 from ..simulation.integrators.methods import EXPLICIT, RADAU
@@ -116,7 +117,8 @@ def _events(hybrid: Hybrid, n: int) -> dict[str, Any]:
     sampled = [i for i, event in enumerate(events) if event.sampled]
     m = len(conditions)
     indicators = zeros_of(IndicatorWorkspace, n=n, count=n, root_count=m) | {
-        "bracket": {}, "places": _whole(x.position for x in conditions), "steers": _whole(x.steers for x in conditions),
+        "bracket": {}, "spacing": np.inf, "most_parts": MOST_PARTS, "places": _whole(x.position for x in conditions),
+        "steers": _whole(x.steers for x in conditions),
     }  # fmt: skip
     return zeros_of(
         EventData, discrete_count=len(hybrid.modes.names), counted_count=len(hybrid.counted), event_count=len(events), setting_count=len(settings),

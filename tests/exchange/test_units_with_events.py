@@ -152,6 +152,41 @@ def test_outputs_are_those_of_a_run(text: str, end: float, tmp_path: Path) -> No
             assert np.abs(found[name][at] - mine[name]).max() < tolerance * np.abs(mine[name]).max(), (kind, name)
 
 
+def test_windows_that_a_step_holds_many_of_are_counted(tmp_path: Path) -> None:
+    """x = sin(t), y = cos(t): each window on the way, of 1e-3 of the distance between them."""
+    exported(
+        "plain model A { mode n = 0, m = 0\n signal x = integral(y, 0), y = integral(-x, 1)\n when cos(1000*y) > 0.99999 { n = n + 1 }\n when sin(3000*x) > 0.99999 { m = m + 1 }\n output a = n, b = m }",
+        tmp_path,
+    )
+    found = run(tmp_path, "CoSimulation", rtol=1e-8, stop_time=1.0, output_interval=0.1, output=["a", "b"])[-1]
+    numbers = np.arange(1000)
+    falling, rising = 2 * np.pi * numbers / 1000, (2 * np.pi * numbers + np.pi / 2) / 3000
+    assert found["a"] == ((falling > np.cos(1)) & (falling < 1)).sum()
+    assert found["b"] == (rising < np.sin(1)).sum()
+
+
+@pytest.mark.parametrize("law", ["sign(P)*sqrt(abs(P)/1 Pa)", "sqrt(P/1 Pa) if P > 0 Pa else -sqrt(-P/1 Pa)"])
+def test_a_root_that_a_stiff_volume_carries_through_zero_is_passed(law: str, tmp_path: Path) -> None:
+    """A flow a t: V = B t^2 with 2 B = a - k sqrt(B/c) behind zero, and -B t^2 before it, with 2 B = k sqrt(B/c) - a."""
+    a, k, c = 2e-4, 1e-7, 1e-12
+    before, behind = (float(min(np.roots([2, side * k / c**0.5, -side * a]).real, key=abs)) ** 2 for side in (-1, 1))
+    exported(
+        f"""model Volume {{
+          Sf pump : Q = {a} [m^3/s^2]*(time - 0.5 s)
+          C volume : P = V/{c} [m^3/Pa] {{ start V = {-before / 4!r} [m^3] }}
+          R o : Q = {k} [m^3/s]*({law})
+          0 n : hydraulic
+          pump -> n
+          n -> volume, o
+          output V = volume.V
+        }}""",
+        tmp_path,
+    )
+    found = run(tmp_path, "CoSimulation", stop_time=1.0, output_interval=0.1, output=["V"])
+    late = found["time"] - 0.5
+    np.testing.assert_allclose(found["V"], np.where(late > 0, behind, -before) * late**2, rtol=0, atol=1e-6 * behind)
+
+
 def test_description_of_what_events_change(tmp_path: Path) -> None:
     found = exported(SERVO, tmp_path)
     by_name = {v.name: v for v in found.modelVariables}

@@ -7,16 +7,24 @@ from __future__ import annotations
 
 from math import isfinite
 
-from compiler.api import Floats
+from compiler.api import Floats, Ints
 
 from ...simulation.events import mode_iteration
 from ...simulation.integrators.acceptance.crossing_search import LEAST
-from ...simulation.integrators.acceptance.event_indicators import REACHES, decide, doubt, evaluate, look_ahead
+from ...simulation.integrators.acceptance.event_indicators import (
+    NOISE,
+    REACHES,
+    TRIES,
+    decide,
+    doubt,
+    evaluate,
+    look_ahead,
+)
 from ...simulation.integrators.acceptance.zero_crossings import FREE, truth
 from .instance import ERROR, OK, SLIDES, EventData, FmuInstance
 from .segment import INFINITE
 
-CLOSE = mode_iteration.CLOSE
+CLOSE, VANISHES = mode_iteration.CLOSE, mode_iteration.VANISHES
 FAR = REACHES[-1]
 
 
@@ -59,6 +67,8 @@ def look(s: FmuInstance) -> None:
     k.strict = w.root_strict
     k.floor = w.root_floor
     k.time = s.time
+    k.until = s.next_instant
+    k.relative = s.relative
     k.horizon = s.stop - s.time if s.stop < INFINITE and s.stop > s.time else max(1.0, abs(s.time))
     evaluate(k)
 
@@ -129,9 +139,8 @@ def rest_between(s: FmuInstance) -> int:
     k = e.conditions
     w = s.solver
     for j in range(w.root_count):
-        if e.flips[j] != 0:
-            put(s, j, truth(0.0, w.root_strict[j]))
-    count_in(s)
+        e.rest[j] = truth(0.0, w.root_strict[j])
+    put_flips(s, e.rest)
     just_after(s)
     fits = 1
     for j in range(w.root_count):
@@ -139,13 +148,49 @@ def rest_between(s: FmuInstance) -> int:
             fits = 0
     if fits != 0 or is_at_rest(s):
         return OK
-    if e.alike == 0 or k.flows == 0:
+    reach = 4.0
+    if k.flows == 0 or (e.alike == 0 and not vanishes(s)):
         s.message = SLIDES
         return ERROR
+    if e.alike == 0:
+        reach = max(reach, k.relative / NOISE)
+        put_flips(s, k.truth)
     for j in range(w.root_count):
         if e.flips[j] != 0:
-            w.root_floor[j] = 4.0 * k.noise[j]
+            w.root_floor[j] = reach * k.noise[j]
     return OK
+
+
+def put_flips(s: FmuInstance, truths: Ints) -> None:
+    """Put the truth of the conditions that change again and again into the mode."""
+    for j in range(s.solver.root_count):
+        if s.events.flips[j] != 0:
+            put(s, j, truths[j])
+    count_in(s)
+
+
+def vanishes(s: FmuInstance) -> bool:
+    """Return True if laws go through zero where the sides of conditions are equal: see `_onwards` of `mode_iteration.py`."""
+    e = s.events
+    k = e.conditions
+    w = s.solver
+    for r in range(1, TRIES):
+        for i in range(w.n):
+            k.later[i] = s.state[i] + REACHES[r] * k.whole * k.rate[i]
+        w.derivative(s.time, k.later, w.inputs, w.constants, w.mode, k.slope)
+        put_flips(s, k.truth)
+        w.derivative(s.time, k.later, w.inputs, w.constants, w.mode, w.si)
+        put_flips(s, e.rest)
+        largest = 0.0
+        for i in range(w.n):
+            difference = abs(w.si[i] - k.slope[i])
+            if not isfinite(difference) or (r > 1 and not s.rates[i] <= VANISHES * difference):
+                return False
+            s.rates[i] = difference
+            largest = max(largest, difference)
+        if largest == 0.0:  # something else jumps there, as a count of steps
+            return False
+    return True
 
 
 def is_at_rest(s: FmuInstance) -> bool:

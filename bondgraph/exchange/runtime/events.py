@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from math import isfinite, ulp
+from math import isfinite
 
-from ...numerics import indicators
-from ...simulation.events import events, locate
-from ...simulation.integrators.acceptance import crossing_search
-from ...simulation.integrators.acceptance.event_indicators import keep, reread
-from ...simulation.integrators.acceptance.event_passing import MOST_ROUNDS, SHORT, is_sure
-from ...simulation.integrators.acceptance.zero_crossings import full_at, is_wrong, roots_at, truth
+from ...simulation.events import events
+from ...simulation.integrators.acceptance.event_indicators import NOISE, keep, reread
+from ...simulation.integrators.acceptance.event_passing import MOST_ROUNDS, OFTEN, SHORT, is_sure
+from ...simulation.integrators.acceptance.first_crossing import FOUND, LEFT, first_crossing
+from ...simulation.integrators.acceptance.zero_crossings import free_roots, full_at, is_wrong, roots_at, truth
 from ...simulation.integrators.methods import PARTS
 from .conditions import count_in, guess_mode, look, put, said, settle_mode
 from .instance import (
+    CROWDED,
     ERROR,
     KEPT,
     NOT_FINITE,
@@ -26,12 +26,9 @@ from .instance import (
 )
 from .segment import collect_ticks, enter_segment, forget
 
-FINER = tuple(indicators.FINER.tolist())
-GRID = indicators.GRID
-WIDTH, GOLDEN = crossing_search.WIDTH, locate.GOLDEN
 BEYOND, ALIKE, SHRUNK = float(events.BEYOND), float(events.ALIKE), events.SHRUNK
-MOST_AT_ONCE, LEFT = events.MOST_AT_ONCE, events.LEFT
-NOTHING, CUT, UNSURE = 0, 1, 2  # answers of the search for an event in a step
+MOST_AT_ONCE = events.MOST_AT_ONCE
+NOTHING, CUT, UNSURE, FAILED = 0, 1, 2, 3  # answers of the search for an event in a step
 
 
 def start_modes(s: FmuInstance) -> None:
@@ -79,6 +76,9 @@ def instant(s: FmuInstance) -> int:
         acted += e.acted[i]
     if acted + crossed == 0:
         return OK
+    for j in range(w.root_count):  # those that no look ahead shows stay until they are beyond the tolerance
+        if e.crossed[j] != 0 and said(s, j) != w.root_said[j] and k.sought[j] > 0:
+            w.root_floor[j] = max(w.root_floor[j], k.relative / NOISE * k.noise[j])
     again = is_simultaneous(s)
     if acted == 0:
         keep_doubtful(s, again)
@@ -183,16 +183,16 @@ def is_piled_up(s: FmuInstance) -> bool:
     for k in range(e.event_count):
         if e.acted[k] != 0:
             first = KEPT * k
-            for i in range(LEFT - 1, 0, -1):
+            for i in range(OFTEN - 1, 0, -1):
                 e.intervals[first + i] = e.intervals[first + i - 1]
             e.intervals[first] = s.time - e.when[k]
             e.when[k] = s.time
             if e.was_true[k] == 0:
                 e.left[k] += 1
                 if e.left[k] > 1:
-                    e.intervals[first + LEFT] = max(e.intervals[first + LEFT], e.intervals[first])
+                    e.intervals[first + OFTEN] = max(e.intervals[first + OFTEN], e.intervals[first])
             else:
-                if e.left[k] >= LEFT and shrinks(e, first, s.makes_steps):
+                if e.left[k] >= OFTEN and shrinks(e, first, s.makes_steps):
                     piled = True
                 e.left[k] = 0
     return piled
@@ -201,11 +201,11 @@ def is_piled_up(s: FmuInstance) -> bool:
 def shrinks(e: EventData, first: int, exact: int) -> bool:
     """Return True if the last intervals get shorter, and are much shorter than the longest one. `exact`: also by nearly one factor, which the
     instants of an importer need not show."""
-    if e.intervals[first] >= SHRUNK * e.intervals[first + LEFT]:
+    if e.intervals[first] >= SHRUNK * e.intervals[first + OFTEN]:
         return False
     least = 1.0
     most = 0.0
-    for i in range(LEFT - 1):
+    for i in range(OFTEN - 1):
         factor = e.intervals[first + i] / e.intervals[first + i + 1]
         least = min(least, factor)
         most = max(most, factor)
@@ -228,98 +228,28 @@ def cut_at_event(s: FmuInstance) -> int:
     """Find the first zero crossing in the last step; put the instant and the state there into the instance, or those of the start of a step that
     is to be made again with shorter ones."""
     w = s.solver
-    e = s.events
-    k = e.conditions
+    k = s.events.conditions
     start = w.end_time[w.ends - 2]
     parts = PARTS[w.method]
+    look(s)
     begin = start
-    before = start
-    last = start
-    roots_at(w, start, k.again)
-    for j in range(w.root_count):
-        k.change[j] = k.again[j]
     for part in range(parts):
         end = w.time if part + 1 == parts else start + (w.time - start) * float(part + 1) / float(parts)
-        for place in range(1, GRID + 1):
-            time = end if place == GRID else begin + (end - begin) * FINER[place]
-            roots_at(w, time, k.root)
-            wrong = any_wrong(s)
-            for j in range(w.root_count):
-                if last > start and may_touch(e, j) and not is_wrong(w, j, k.again[j]):
-                    touch = bottom(s, j, before, time)
-                    if touch > before:
-                        return narrow(s, before, touch)
-            if wrong:
-                return narrow(s, last, time)
-            for j in range(w.root_count):
-                k.change[j] = k.again[j]
-                k.again[j] = k.root[j]
-            before = last
-            last = time
+        answer = first_crossing(w, k, begin, end)
+        if answer == LEFT:
+            s.message = CROWDED
+            return FAILED
+        if answer == FOUND and is_sure(w, k, start, k.found):
+            s.time = k.found
+            full_at(w, k.found, s.state)
+            s.events.located = 1
+            return CUT
+        if answer == FOUND:
+            s.time = start
+            for i in range(w.n):
+                s.state[i] = w.end_state[(w.ends - 2) * w.n + i] * w.magnitude[i]
+            return UNSURE
         begin = end
+    roots_at(w, w.time, w.root_seen)
+    free_roots(w)
     return NOTHING
-
-
-def any_wrong(s: FmuInstance) -> bool:
-    """Return True if one of the roots differs from the mode."""
-    wrong = False
-    for j in range(s.solver.root_count):
-        if is_wrong(s.solver, j, s.events.conditions.root[j]):
-            wrong = True
-    return wrong
-
-
-def may_touch(e: EventData, j: int) -> bool:
-    """Return True if a root may come to zero beside the middle one of three places."""
-    k = e.conditions
-    here = abs(k.again[j])
-    beside = max(abs(k.change[j]), abs(k.root[j]))
-    return here <= abs(k.change[j]) and here < abs(k.root[j]) and here < 0.5 * (beside - here)
-
-
-def bottom(s: FmuInstance, j: int, low: float, high: float) -> float:
-    """Return an instant at which a condition differs from the mode, by golden sections towards the place nearest to zero; `low` if there is none."""
-    w = s.solver
-    e = s.events
-    k = e.conditions
-    start = low
-    width = WIDTH * ulp(max(abs(low), abs(high)))
-    while high - low > width:
-        first = high - GOLDEN * (high - low)
-        then = low + GOLDEN * (high - low)
-        roots_at(w, first, k.noise)
-        distance = abs(k.noise[j])
-        if is_wrong(w, j, k.noise[j]):
-            return first
-        roots_at(w, then, k.noise)
-        if is_wrong(w, j, k.noise[j]):
-            return then
-        if distance < abs(k.noise[j]):
-            high = then
-        else:
-            low = first
-    return start
-
-
-def narrow(s: FmuInstance, low: float, high: float) -> int:
-    """Halve the time between an instant at which the mode holds and one at which it does not, down to rounding."""
-    w = s.solver
-    e = s.events
-    k = e.conditions
-    while high - low > WIDTH * ulp(max(abs(low), abs(high))):
-        middle = 0.5 * (low + high)
-        roots_at(w, middle, k.root)
-        if any_wrong(s):
-            high = middle
-        else:
-            low = middle
-    start = w.end_time[w.ends - 2]
-    if is_sure(w, k, start, high):
-        s.time = high
-        full_at(w, high, s.state)
-        e.located = 1
-        return CUT
-    s.time = start
-    for i in range(w.n):
-        s.state[i] = w.end_state[(w.ends - 2) * w.n + i] * w.magnitude[i]
-    return UNSURE

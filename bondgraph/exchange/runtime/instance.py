@@ -16,8 +16,8 @@ EVENT_MODE, EARLY_RETURN = 2, 4
 # Messages, by their numbers in `messages.py`.
 (
     SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, LIMIT_LEFT, TABLE_LEFT, WRONG_TIME, NO_SLOPE,
-    SLIDES, WITHOUT_END, PILED_UP, SET_TWICE, WRONG_SAMPLING, ENDED,
-) = range(16)  # fmt: skip
+    SLIDES, WITHOUT_END, PILED_UP, SET_TWICE, WRONG_SAMPLING, ENDED, CROWDED,
+) = range(17)  # fmt: skip
 
 
 class EventData(Record):
@@ -61,6 +61,7 @@ class EventData(Record):
     intervals: Floats = sized(KEPT, "event_count")  # between its last instants, the latest first; then the longest one
     floor: Floats = sized("root_count")  # before this instant
     flips: Ints = sized("root_count")  # conditions that change again and again
+    rest: Ints = sized("root_count")  # their truth where both sides are equal
     crossed: Ints = sized("root_count")  # those that have crossed zero
     alike: int  # 1 if the rates are equal in the modes of a cycle
     modes_known: int

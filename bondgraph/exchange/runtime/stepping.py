@@ -10,7 +10,7 @@ from ...simulation.integrators.compiled.advance import advance, begin, begin_seg
 from ...simulation.integrators.methods import EXPLICIT, RADAU
 from ...simulation.integrators.outcomes import FINISHED, FLIP, LOOK, MORE, STIFF
 from .conditions import said
-from .events import CUT, UNSURE, cut_at_event, instant
+from .events import CUT, FAILED, UNSURE, cut_at_event, instant
 from .instance import (
     DISCARD,
     EARLY_RETURN,
@@ -137,8 +137,8 @@ def go_along(s: FmuInstance, until: float) -> int:
     if w.n == 0:
         w.time = until
         w.ends = 2
-        if w.root_count > 0:
-            cut_at_event(s)
+        if w.root_count > 0 and cut_at_event(s) == FAILED:
+            return ERROR
         return OK
     answer = make_steps(s)
     if answer <= WARNING and (s.has_events == 0 or s.events.located == 0):
@@ -166,6 +166,8 @@ def make_steps(s: FmuInstance) -> int:
             event = cut_at_event(s)
             if event == CUT:
                 return result
+            if event == FAILED:
+                return ERROR
             if event == UNSURE:
                 size = w.time - s.time
                 start_steps(s, w.stop)

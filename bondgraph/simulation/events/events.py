@@ -62,7 +62,7 @@ class Events(EventIndicators):
         super()._forget()
         self.left: dict[tuple[str, int], int] = {}  # times in a row that an event made its condition false
         self.reach = np.zeros(len(self.places))  # largest range of each narrow condition that a part of a step has had
-        self.spacing = np.inf  # length of the part of a step in which the last zero crossing was found, s
+        self.record.record.spacing = np.inf
         # narrow conditions that a step could not be searched for to the end
         self.crowded = np.zeros(len(self.places), dtype=bool)
         # first instant, s, at which a condition that only events read comes within rounding of its threshold

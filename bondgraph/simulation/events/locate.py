@@ -19,7 +19,7 @@ from compiler.api import Array, BoolArray, IntArray
 from ...errors import RunFailed
 from ...numerics.indicators import COEFFICIENTS, FINER, ON_GRID, SHARES
 from ..integrators.acceptance.crossing_search import CHANGES, WIDTH
-from ..integrators.acceptance.event_passing import FEWEST, SMALLEST
+from ..integrators.acceptance.first_crossing import FEWEST, GOLDEN, MOST_PARTS, SMALLEST, SUSPICIOUS
 from ..integrators.acceptance.zero_crossings import FREE
 from ..integrators.compiled.indicator_record import interpreted_record
 from .bounds import Overlooked
@@ -27,13 +27,10 @@ from .events import Events
 from .indicators import HybridState
 
 NARROWEST = 2.0**-44  # smallest part, as a fraction of the interval searched, for conditions with narrow peaks
-GOLDEN = 0.5 * (5**0.5 - 1)  # share of a bracket that a golden section keeps
 CONSTANT = 1e-13  # of the largest range of an indicator in a run: a smaller one is rounding
 MOST_HIDDEN = 1000  # most parts that are halved for a peak that their places do not show
-SUSPICIOUS = 4  # parts, and twice as many again and again, after which roots may be rounding of terms that cancel
 DOUBTFUL = 1e6  # in units of the rounding of terms where it was asked for last: a larger root is not asked for again
 MORE = 1.01  # on a bound, for its own rounding
-MOST_PARTS = 1 << 15  # most parts of the interval searched
 
 if TYPE_CHECKING:
     from ..integrators.compiled.run import CompiledMethod
@@ -64,7 +61,7 @@ def first_flip(
     record, mask = events.record, step.mask
     resolved = 64 * float(np.spacing(max(abs(start), abs(stop))))
     smallest, least = (max(share * (stop - start), resolved) for share in (SMALLEST, NARROWEST))
-    waiting, count, halved = _first_parts(start, stop, events.spacing), 0, 0
+    waiting, count, halved = _first_parts(start, stop, record.record.spacing), 0, 0
     while waiting:
         low, high, widths = waiting.pop()
         times = low + (high - low) * SHARES
@@ -104,9 +101,9 @@ def first_flip(
             if step.discount_rounding(found, changed & ~mask("converged")):
                 waiting.append((low, high, widths))
                 continue
-            events.spacing, events.floor = high - low, step.floor
+            record.record.spacing, events.floor = high - low, step.floor
             return Flip(found, state_at(np.array([found]), True)[0], changed)
-    events.spacing, events.floor = np.inf, step.floor
+    record.record.spacing, events.floor = np.inf, step.floor
     last = np.abs(step.roots(np.array([stop]), False)[0])
     events.floor = np.where((last > FREE * events.floor) & np.isfinite(last), 0.0, events.floor)
     return None

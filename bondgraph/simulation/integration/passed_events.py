@@ -9,7 +9,8 @@ import numpy as np
 from compiler.api import AUTOMATIC, SOLVERS, Array, Program, zeros_of
 
 from ..events.events import EventInstant, Events
-from ..integrators.acceptance.event_passing import FOUND, KNOWN, ROOM, EventWorkspace
+from ..integrators.acceptance.event_passing import KNOWN, ROOM, EventWorkspace
+from ..integrators.acceptance.first_crossing import FOUND
 from ..integrators.compiled.record_layout import RecordArray, form_of
 from ..integrators.methods import METHODS
 from ..monitors import step_size_diagnosis
@@ -101,7 +102,6 @@ class PassedEvents:
         values["on"][:] = [events.on.get(key, False) for key in events.keys]
         values["left"][:] = [events.left.get(key, 0) for key in events.keys]
         record.recent = events.log[-1].time if events.log else -np.inf
-        record.spacing = events.spacing
         record.most_events = self.stepper.most_events - len(events.log)
 
     def advance(self, most: int) -> int:
@@ -111,7 +111,7 @@ class PassedEvents:
     def take_over(self) -> Segment:
         """Tell the integrator what has happened since `hand_over`; return its present segment."""
         stepper, events, record, values = self.stepper, self.events, self.record, self.values
-        events.last, events.spacing = None, record.spacing  # the record of the conditions has been used
+        events.last = None  # the record of the conditions has been used
         self.solver.forget_mode()
         if not record.logged:
             return stepper.piece

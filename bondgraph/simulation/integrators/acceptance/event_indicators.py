@@ -29,6 +29,8 @@ CANCELLED, JUMPED = (
 )  # in units of the rounding of a root: less is or moves what is no rounding of terms that cancel
 CERTAIN = 4.0  # in units of the rounding of a root: a larger change shows where it goes
 INFINITE = float("inf")
+DEEPEST = 26  # most halvings of a part of a step
+MOST_SUSPECTS = 2 * (PLACES + GRID)
 
 
 # Arguments: an instant of a step, array for the roots there.
@@ -93,8 +95,13 @@ class IndicatorWorkspace(Record):
     clear_count: int  # number of near ones without such a place
     dips: Ints = sized(GRID + 1, "root_count")  # 1 where the polynomial may touch zero
     dipping: Ints = sized("root_count")  # 1 where it may somewhere
-    suspects: Floats = sized(PLACES + GRID + 1)  # instants at which conditions may have changed
+    suspects: Floats = sized(MOST_SUSPECTS)  # instants at which conditions may have changed
     suspect_count: int
+    roots_there: Floats = sized(MOST_SUSPECTS, "root_count")
+    most_parts: int  # of a step that are searched before the caller has to act
+    ends: Floats = sized(DEEPEST + 2)  # of a part, and of the parts of which it is the first half
+    spacing: float  # length of the part of a step in which the last zero crossing was found
+    measured: int  # 1 if `noise` is that of a step
     at_place: Ints = sized(PLACES)  # 1 where a condition differs from the mode
     at_grid: Ints = sized(GRID + 1)  # 1 where the polynomial of one begins to, or is deepest behind its crossing
     # narrowing

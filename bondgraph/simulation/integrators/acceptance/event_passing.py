@@ -13,24 +13,12 @@ from ...monitors import step_size_diagnosis
 from ..cuts import ALLOWED, BACK, HALVES, NEAR, PARTED, SHORTEST, SLOPE
 from ..methods import EXACT, PARTS
 from ..workspace import Function, IntegratorWorkspace
-from .crossing_search import CHANGES, narrow, survey
-from .event_indicators import INFINITE, IndicatorWorkspace, decide, doubt, evaluate, keep, look_ahead, reread
-from .zero_crossings import (
-    COEFFICIENTS,
-    GRID,
-    ON_GRID,
-    PLACES,
-    SHARES,
-    free_roots,
-    full_at,
-    roots_along,
-    roots_at,
-)
+from .crossing_search import CHANGES
+from .event_indicators import IndicatorWorkspace, decide, doubt, evaluate, keep, look_ahead, reread
+from .first_crossing import FOUND, LEFT, NONE, first_crossing
+from .zero_crossings import free_roots, full_at, roots_at
 
-# No crossing; one that ends the step; one that only events read; Python has to act.
-NONE, FOUND, THROUGH, LEFT = 0, 1, 2, 3
-SMALLEST = 2.0**-26  # smallest part, as a fraction of the interval searched; a jump lies at one of its places
-FEWEST = 1 / 64  # smallest first part, as a fraction of the interval searched
+THROUGH = 2  # what the search for a crossing answers, and this for one that only events read
 SHORT = 1e-12  # relative to the time: events closer than this count as simultaneous
 MOST_ROUNDS = 100  # most rounds of events that cause each other at one instant
 OFTEN = 3  # times in a row that an event makes its condition false before it is expected to
@@ -66,9 +54,6 @@ class EventWorkspace(Record):
     left: Ints = sized("event_count")  # times in a row that an event made its condition false
     crossed: Ints = sized("root_count")  # conditions that have crossed zero
     recent: float  # instant of the last event
-    spacing: float  # length of the part of a step in which the last zero crossing was found
-    times: Floats = sized(PLACES + GRID + 1)
-    roots_there: Floats = sized(PLACES + GRID + 1, "root_count")  # roots at these times
     many: int  # steps of a segment whose cause is reported
     most_events: int  # that may still act
     # of the step, to begin it again
@@ -116,7 +101,7 @@ def passing(e: EventWorkspace) -> int:
         for i in range(e.event_count):
             e.on[i] = e.on_before[i]
         e.logged = e.logged_before
-        e.spacing = e.spacing_before
+        e.conditions.spacing = e.spacing_before
         s.derivatives = e.derivatives_before
     return answer
 
@@ -125,10 +110,11 @@ def keep_before(e: EventWorkspace) -> None:
     """Keep what a crossing that is passed through changes."""
     for i in range(e.mode_size):
         e.mode_before[i] = e.solver.mode[i]
+        e.conditions.mode[i] = e.solver.mode[i]
     for i in range(e.event_count):
         e.on_before[i] = e.on[i]
     e.logged_before = e.logged
-    e.spacing_before = e.spacing
+    e.spacing_before = e.conditions.spacing
     e.derivatives_before = e.solver.derivatives
 
 
@@ -150,9 +136,9 @@ def crossing(e: EventWorkspace) -> int:
         begin = start + (stop - start) * float(part) / float(parts)
         end = stop if part + 1 == parts else start + (stop - start) * float(part + 1) / float(parts)
         while begin < end:
-            answer = first_crossing(e, begin, end)
+            answer = first_crossing(s, k, begin, end)
             if answer == FOUND:
-                answer = judged(e, start, stop)
+                answer = LEFT if jumps(k) else judged(e, start, stop)
             if answer == NONE:
                 break
             if answer != THROUGH:
@@ -163,78 +149,11 @@ def crossing(e: EventWorkspace) -> int:
     return NONE
 
 
-def first_crossing(e: EventWorkspace, start: float, stop: float) -> int:
-    """Find the first zero crossing in a part of the last step: see `first_flip` of `events/locate.py`."""
-    s = e.solver
-    k = e.conditions
-    for j in range(s.root_count):
-        k.said[j] = s.root_said[j]
-        k.floor[j] = s.root_floor[j]
-    smallest = max(SMALLEST * (stop - start), 64.0 * ulp(max(abs(start), abs(stop))))
-    spacing = max(e.spacing, FEWEST * (stop - start))
-    low = start
-    while low < stop:
-        high = stop
-        if spacing < 0.5 * (stop - low):
-            high = low + spacing
-            spacing *= 2.0
-        survey_part(e, low, high, 1 if low == start else 0)
-        if k.near_count > 0:
-            if (k.unsure_count > 0 and high - low > smallest) or has_dips(k):
-                return LEFT
-            for i in range(k.suspect_count):
-                e.times[i] = k.suspects[i]
-            roots_along(s, k.suspect_count, e.times, e.roots_there)
-            if k.suspect_count > 0 and narrow(k, s, 0, k.suspect_count, e.times, e.roots_there) != 0:
-                e.spacing = high - low
-                for j in range(s.root_count):
-                    if k.touching[j] == CHANGES and k.converged[j] == 0:
-                        return LEFT  # a jump, or rounding of terms that cancel
-                return FOUND
-        low = high
-    e.spacing = INFINITE
-    return NONE
-
-
-def survey_part(e: EventWorkspace, low: float, high: float, begins: int) -> None:
-    """Examine the polynomials of a part through the roots at its places."""
-    s = e.solver
-    k = e.conditions
-    m = s.root_count
-    for place in range(PLACES):
-        time = low + (high - low) * SHARES[place]
-        if place == 0:
-            time = low
-        if place == PLACES - 1:
-            time = high
-        roots_at(s, time, k.values[place * m :])
-    for j in range(m):
-        for degree in range(PLACES):
-            total = 0.0
-            for place in range(PLACES):
-                root = k.values[place * m + j]
-                if isfinite(root):
-                    total += COEFFICIENTS[degree * PLACES + place] * root
-            k.form[degree * m + j] = total
-        for place in range(GRID + 1):
-            value = 0.0
-            for degree in range(PLACES):
-                value += ON_GRID[place * PLACES + degree] * k.form[degree * m + j]
-            k.grid[place * m + j] = value
-    k.low = low
-    k.high = high
-    survey(k, begins, 0)
-
-
-def has_dips(k: IndicatorWorkspace) -> bool:
-    """Return True if a condition that no place shows may touch zero, which takes a search for its minimum."""
+def jumps(k: IndicatorWorkspace) -> bool:
+    """Return True if one of the conditions that change may be nothing but the rounding of terms that cancel."""
     for j in range(k.root_count):
-        if k.near[j] != 0 and k.shown[j] == 0:
-            if k.converged[j] == 0:
-                return True
-            for place in range(1, GRID):
-                if k.dips[place * k.root_count + j] != 0:
-                    return True
+        if k.touching[j] == CHANGES and k.converged[j] == 0:
+            return True
     return False
 
 

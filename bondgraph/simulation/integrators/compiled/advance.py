@@ -9,7 +9,8 @@ from importlib import import_module
 from math import isfinite, sqrt, ulp
 
 from ...segments import timeline
-from ..acceptance.event_passing import FOUND, LEFT, EventWorkspace, method_in, passing, put_said
+from ..acceptance.event_passing import EventWorkspace, method_in, passing, put_said
+from ..acceptance.first_crossing import FOUND, LEFT
 from ..acceptance.singular_poses import GOES_ON, begin_watch, watch
 from ..acceptance.step_acceptance import add_work, grow
 from ..acceptance.zero_crossings import may_flip

@@ -11,6 +11,7 @@ from compiler.api import Array, Program, zeros_of
 
 from ...segments.timeline import mode_size
 from ..acceptance.event_indicators import IndicatorWorkspace
+from ..acceptance.first_crossing import SUSPICIOUS
 from .plain import Plain, functions_of, record_for
 from .record_layout import RecordArray
 
@@ -29,7 +30,7 @@ def _room(program: Program, constants: Array) -> dict[str, Any]:
     fields = zeros_of(
         IndicatorWorkspace, n=count + len(program.unknowns.names), count=count, root_count=len(conditions)
     )
-    more = {"until": np.inf, "mode": np.zeros(mode_size(program, constants)), "bracket": {}}
+    more = {"until": np.inf, "mode": np.zeros(mode_size(program, constants)), "bracket": {}, "most_parts": SUSPICIOUS}
     return fields | of_conditions | more
 
 
