@@ -12,6 +12,7 @@ from .errors import UsageError
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?)\s*(.*?)\s*", re.DOTALL)
 _IN_BRACKETS = re.compile(r"\[.*?\]")
+_TRUTHS = {"true": 1.0, "false": 0.0}
 _SECOND_UNIT = re.compile(r"[*/]\s*([A-Za-z]+)")
 
 
@@ -21,6 +22,8 @@ def quantity(text: str | float, unit: str, what: str) -> float:
 
     if not isinstance(text, str):
         return float(text)
+    if unit == "1" and text.strip() in _TRUTHS:
+        return _TRUTHS[text.strip()]
     found = _NUMBER.fullmatch(text)
     if found is not None:
         number, own = Fraction(found[1]), unit_written(text)
@@ -33,7 +36,7 @@ def quantity(text: str | float, unit: str, what: str) -> float:
                 return scale.to_si(number)
         except (CompilationFailed, OverflowError):
             pass  # no unit, or too large: the same error as for a unit of another kind
-    kind = "a bare number" if unit == "1" else f"in {unit}"
+    kind = "without a unit" if unit == "1" else f"in {unit}"
     raise UsageError(
         "BR604", f"{what}: `{text.strip()}` is no quantity {kind};", "write a number with its unit, or one in SI"
     )

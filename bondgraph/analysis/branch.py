@@ -34,8 +34,8 @@ SCHEMA = "bondgraph-branch/1"
 class Special:
     """Point at which a branch turns or changes stability.
 
-    `kind`: "fold"; "branch" (a real eigenvalue crosses zero: another branch passes); "oscillation" (a pair crosses the imaginary axis). States and
-    outputs by name, in SI.
+    `kind`: "fold"; "branch" (a real eigenvalue crosses zero: another branch passes); "oscillation" (a pair crosses the imaginary axis); "jump" (the
+    rates jump with the parameter alone; the values are those beyond it). States and outputs by name, in SI.
     """
 
     kind: str

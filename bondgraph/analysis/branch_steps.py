@@ -37,7 +37,8 @@ PROBES = 6  # first steps that are tried, each a quarter of the one before
 LIMIT_STEPS = 30  # halvings of the step within which the model ceases to be valid, or a condition changes
 CLOSE_BY = SHORTEST * 4.0 ** np.arange(6)  # fractions of the range: steps across a bend
 BENT = 1e-3  # relative to the largest slope of a row: least change of a slope at a kink
-JUMPS = 1e-6  # the same: least rate that a condition brings by changing at a rest
+JUMPS = 1e-6  # the same: least rate that a condition brings by changing at a rest, and least jump of a state
+ARC = 0.3  # relative to length and turn of a step: how far its chord may be from the mean of its tangents
 LONGEST = 4.0  # longest step, in units of the first one
 RESTING = 1e-6  # relative to the terms in a rate: where a larger rate is left at rest, these are rounding of zero
 NOISE = 1e-14  # relative to the largest term of a row: rounding
@@ -101,11 +102,7 @@ class BranchFollower:
         there = first
         for _ in range(PROBES):
             try:
-                value = low + share * self.range
-                moved = first.elsewhere({self.name: value}, first.state)
-                segment = Segment(first.time, first.time, moved.mode)
-                state = equilibrium(moved.program, moved.constraints, moved.inputs, moved.state, segment)
-                there = first.elsewhere({self.name: value}, state)
+                there = self.at_rest(first, low + share * self.range)
                 A, _ = self.slopes(there)
             except (RunFailed, np.linalg.LinAlgError):
                 share *= 0.25
@@ -122,6 +119,13 @@ class BranchFollower:
         self.unseen = np.where(
             moved > 0, moved, natural(first.program, first.constraints.parameters, first.program.states.units)
         )
+
+    def at_rest(self, point: OperatingPoint, value: float) -> OperatingPoint:
+        """Return the rest that is found from a point at another value of the parameter."""
+        moved = point.elsewhere({self.name: value}, point.state)
+        segment = Segment(point.time, point.time, moved.mode)
+        state = equilibrium(moved.program, moved.constraints, moved.inputs, moved.state, segment)
+        return point.elsewhere({self.name: value}, state)
 
     def see(self, point: OperatingPoint, A: Array) -> None:
         """Raise the magnitudes of the states: those of one unit share the largest; an estimate for units without any value."""
@@ -292,12 +296,20 @@ class BranchLine:
                 if length >= SHORTEST:
                     continue
                 (found, length), next_length = follower.behind_bend(here), 1.0 / self.points
-                if found is None:
-                    self.ended = NO_FURTHER
-                    break
-            end = self._passed(found.value)
-            change = self._change(here, found, length)
-            if change is not None and (end is None or self._passed(change[2].value) is None):
+            end = None if found is None else self._passed(found.value)
+            change = None if found is None else self._change(here, found, length)
+            if change is not None and end is not None and self._passed(change[2].value) is not None:
+                change = None
+            jump = self._jump(here, *((found, length) if change is None else change[:2]))
+            if jump and self._passed(jump[1].value) is None:
+                self.places += jump
+                special.append(("jump", jump[1]))
+                self.sure, length = None, 1.0 / self.points
+                continue
+            if found is None:
+                self.ended = NO_FURTHER
+                break
+            if change is not None:
                 before, at, after = change
                 special += self._passed_between(before, at)
                 ahead = self._ahead(before, after) if at > 0.0 or here is not self.changed else NO_FURTHER
@@ -342,6 +354,36 @@ class BranchLine:
             low, high = (low, middle) if beyond else (middle, high)
             before, after = (before, place) if beyond else (place, after)
         return before, low, after
+
+    def _jump(self, here: BranchPlace, found: BranchPlace | None, length: float) -> list[BranchPlace]:
+        """Return the places on both sides of a jump of the rates with the parameter alone, within a step whose chord is not that of an arc."""
+        follower, value, state = self.follower, here.value, here.point.state
+        if found is None:  # a short step that goes no further
+            low, high = value, float(value + here.forward * CLOSE_BY[-1] * follower.range)
+        else:
+            moved = np.append((found.point.state - state)[: follower.count] / follower.scale, 0.0)
+            moved[-1] = (found.value - value) / follower.range
+            off = np.linalg.norm(moved - 0.5 * length * (here.tangent + found.tangent))
+            if off <= JUMPS + ARC * length * np.linalg.norm(found.tangent - here.tangent):
+                return []
+            low, high = value, found.value
+
+        def rates(at: float) -> Any:
+            return follower.rates(here.point.elsewhere({follower.name: at}, state)) - here.b * (at - value)
+
+        try:
+            before, after = rates(low), rates(high)
+            while abs(high - low) > CLOSE * abs(follower.range):
+                now = rates(middle := 0.5 * (low + high))
+                if np.linalg.norm(now - before) > np.linalg.norm(after - now):
+                    high, after = middle, now
+                else:
+                    low, before = middle, now
+            if (np.abs(after - before) <= JUMPS * follower.system(here.point, here.A, here.b)[0]).all():
+                return []
+            return [follower.place(follower.at_rest(p.point, at), at, p.tangent) for p, at in ((here, low), (found or here, high))]
+        except (RunFailed, np.linalg.LinAlgError):
+            return []
 
     def _ahead(self, before: BranchPlace, after: BranchPlace) -> BranchPlace | str:
         """Return the place before a change with the conditions that hold beyond, and the tangent along which they do; or why the branch ends there."""

@@ -262,3 +262,32 @@ model A {
   output x = spring.x
 }""").continuation("a", 0.0, 3.0)
     assert stuck.values[-1] == pytest.approx(1.5, rel=1e-8) and "abs(end.F) > F_s" in stuck.ended
+
+
+def test_a_jump_with_the_parameter_is_told() -> None:
+    """Conditions on the parameter alone, of any size; beside a slope, on two sides of a flank, and where the slope changes, too."""
+    text = "plain model A {{ parameter a = 0\n Se s : e = {law}\n C c : e = 2*q\n R r : e = f\n s -> 1(c) -> r\n output x = c.q }}"
+    laws = {
+        "3 if a > 0.5 else 1": [0.5], "a + (1e-3 if a > 0.512 else 0)": [0.512], "a*(2 if a > 0.512 else 1)": [0.512],
+        "floor(2*a + 0.5)": [0.25, 0.75], "tanh((a - 0.512)/1e-5)": [], "max(0, min(1, (a - 0.512)/1e-4))": [],
+    }  # fmt: skip
+    for law, places in laws.items():
+        branch = bondgraph.load(text.format(law=law)).continuation("a", 0, 1)
+        jumps = [s for s in branch.special if s.kind == "jump"]
+        assert [s.value for s in jumps] == pytest.approx(places, abs=1e-12), law
+        assert len(jumps) == len(branch.special) and branch.values[-1] == pytest.approx(1.0)
+        assert all(s.value in branch.values for s in jumps)
+    branch = bondgraph.load(text.format(law="3 if a > 0.5 else 1")).continuation("a", 1, 0)
+    assert [(s.kind, s.outputs["x"]) for s in branch.special] == [("jump", 0.5)]
+    assert "jump" in branch.summary()
+
+
+def test_a_jump_between_a_condition_on_a_state_and_the_end() -> None:
+    text = (
+        "plain model A { parameter a = 0\n Se s : e = a + (1 if a > 0.3 else 0)\n"
+        " C c : e = q + (q - 0.25 if q > 0.25 else 0) + (q - 1.5 if q > 1.5 else 0)\n R r : e = f\n s -> 1(c) -> r\n output x = c.q }"
+    )
+    branch = bondgraph.load(text).continuation("a", 0, 3, points=3)
+    a, x = branch.values, branch.outputs["x"]
+    np.testing.assert_allclose(x + np.maximum(x - 0.25, 0) + np.maximum(x - 1.5, 0), a + (a > 0.3), atol=1e-9)
+    assert [s.kind for s in branch.special] == ["jump"]

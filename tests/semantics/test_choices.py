@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.errors import UsageError
 from compiler.unparse import write_text
 from tests.compiling import compiled, mistakes, outputs_of
 
@@ -40,6 +41,16 @@ def test_against_closed_forms(target: str, word: str, number: int, omega: float)
         assert result["v"] == pytest.approx(np.cos(omega * result.time), abs=1e-8)
         assert result.final("p") == result.final("h") == (1.0 if word == "hard" else 2.0)
         assert result.final("same") == (word != "hard")
+
+
+def test_a_sweep_goes_through_truths() -> None:
+    """In a call as in an experiment."""
+    text = "model A {{ parameter soft = true\n output k = 1 if soft else 4\n experiment e {{ {step} simulate 0 .. 1 s }} }}"
+    swept = bondgraph.load(text.format(step="")).sweep({"soft": "false, true"})
+    assert [p.run.final("k") for p in swept] == [4, 1]
+    assert [p.run.final("k") for p in bondgraph.load(text.format(step="sweep soft = false, true;")).run()] == [4, 1]
+    with pytest.raises(UsageError, match="`maybe` is no quantity without a unit"):
+        bondgraph.load(text.format(step="")).sweep({"soft": ["maybe"]})
 
 
 def test_a_sweep_goes_through_words() -> None:

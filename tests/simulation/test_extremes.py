@@ -193,3 +193,13 @@ def test_a_model_in_which_nothing_moves(target: str) -> None:
         "model Ring { Se s : u = 5 V\n R r : u = 10 ohm*i\n s -> r\n output i = r.i }", 1.0, target=target
     ).extremes("i")
     assert (found.minimum, found.maximum) == (0.5, 0.5)
+
+
+def test_a_ringing_that_has_long_decayed() -> None:
+    """An instant that comes 25 to 25 000 time constants later is exact, too; what rang before is found."""
+    ring = bondgraph.load(RING.replace("u = 1 V", "u = 0 V").replace("u = q/1 uF", "u = q/1 uF { start u = 1 V }"))
+    omega = sqrt(1e8 - 1e6)
+    for to, points in ((0.025, 2), (0.15, 3), (1.0, 11), (25.0, 2)):
+        run = ring.simulate(to=to, points=points, extremes=True, solver="exponential")
+        assert run.extremes("u").minimum == pytest.approx(-exp(-1000 * pi / omega), rel=1e-9)
+        assert not run.notes

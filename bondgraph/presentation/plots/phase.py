@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...results.result import Result
 
 ARROWS = (0.2, 0.45, 0.7)  # positions, as fractions of the length of a curve
-LOOKS = {"fold": "o", "branch": "D", "oscillation": "s"}
+LOOKS = {"fold": "o", "branch": "D", "oscillation": "s", "jump": "|"}
 
 
 @picture
