@@ -21,7 +21,8 @@ from compiler.api import Array, BoolArray, Reported
 from ..errors import UsageError
 from ..rendering import OfModel, Summarised, draw
 from ..results.json_values import arrays_with_units, head, named, with_units
-from .branch_steps import BranchFollower, BranchLine, BranchPlace
+from .branch_line import BranchLine
+from .branch_steps import BranchFollower, BranchPlace
 from .operating_point import OperatingPoint
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 import bondgraph
-from bondgraph.analysis.branch_steps import BranchFollower, BranchPlace, _verified
+from bondgraph.analysis.branch_line import _verified
+from bondgraph.analysis.branch_steps import BranchFollower, BranchPlace
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from tests.compiling import MODELS

@@ -41,7 +41,7 @@ BALANCINGS = 20
 SHORTENED = 2.0**27  # steps of a length between two powers of two: lengths that differ by less may be one
 FIRST_ORDER = 1e-9  # of the change within the difference of two lengths: its square is below rounding
 DOUBLED = 1e-9  # largest relative difference of an exponential from the square of that of half the time
-DECAYED = 1e-6  # size of an exponential below which the difference is relative to this one: the rest of what it began with
+DECAYED = 1e-6  # norm of an exponential below which the difference is relative to this: the rest of a start
 
 _ENDS: Any = chebyshev.chebpts2(DEGREE + 1)  # on [-1, 1]
 NODES = 0.5 * (_ENDS + 1.0)
