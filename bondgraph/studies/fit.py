@@ -82,7 +82,7 @@ def _checked(problem: Problem, found: SearchEnd) -> SearchEnd:
 
 
 def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_STEPS) -> SearchEnd:
-    """Minimise the sum of squares; among equal minima the nearest to the start. Only the parameters `free` change (None: all).
+    """Minimise the sum of squares; among equal minima one that is reached first from the start. Only the parameters `free` change (None: all).
 
     Raises `RunFailed` if the model fails at the start.
     """
@@ -149,7 +149,7 @@ def _notes(found: SearchEnd, problem: Problem) -> list[str]:
         notes.append(f"the search did not settle within {MOST_STEPS} steps: the values are not the best ones yet")
     if found.open:
         notes.append(
-            "the data leave parameters open: of all values that meet them as well, these are the nearest to the start"
+            "the data leave parameters open: other values meet them as well as these, which the search reached first"
         )
     if len(found.held):
         names = ", ".join(f"`{problem.names[i]}`" for i in found.held)
