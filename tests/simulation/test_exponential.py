@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.linear_algebra.exponentials import (
     MATRICES,
     ExponentialTables,
@@ -14,6 +15,7 @@ from bondgraph.simulation.integrators.linear_algebra.exponentials import (
     use_matrix,
 )
 from compiler.api import zeros_of
+from tests.compiling import MODELS
 
 SECOND_ORDER = """
 model A {
@@ -196,3 +198,17 @@ def test_a_wave_that_rounding_has_turned_is_told() -> None:
     (warning,) = free.simulate(to=1e15, points=2).warnings
     assert "tolerances of rounding" in str(warning)
     assert not damped.simulate(to=1e15, points=2).warnings
+
+
+def test_the_form_between_edges_of_a_chopper_is_examined_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Segments that differ in what their mode holds have one matrix."""
+    examined: list[int] = []
+    places = exponential._random
+    monkeypatch.setattr(exponential, "_random", lambda count: examined.append(count) or places(count))
+    text = (MODELS / "step_down.bg").read_text(encoding="utf-8")
+    one = bondgraph.load(text).simulate(to="0.2 ms", points=41)
+    assert len(examined) == 1
+    text = text.replace("u = V*pwm(time, 1/f, duty)", "u = V*pwm(time, 1/f, duty)*(1 + 1e-9*sin(time/1 s))")
+    with_signal = bondgraph.load(text).simulate(to="0.2 ms", points=41)
+    assert len(examined) > 40
+    np.testing.assert_allclose(one["u_out"], with_signal["u_out"], rtol=1e-7)

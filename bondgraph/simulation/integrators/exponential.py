@@ -232,7 +232,7 @@ def linear_form(
     if common(_are_blurred(balanced, norm, high - low)):
         return None
     form = Linear(program, (inputs, constants), stretch, balanced, norm, scale, active, seen)
-    if checked is not None and program.hybrid is not None and program.hybrid.affine and not len(seen):
+    if checked is not None and (program.hybrid is None or program.hybrid.affine) and not len(seen):
         keep(checked, matrix.tobytes(), form, MOST_FORMS)
     return form
 
