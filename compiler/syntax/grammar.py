@@ -21,6 +21,7 @@ from .words import grammar
 MAXIMUM_NESTING = 100  # brackets within brackets
 # Control characters, and those that turn the direction of writing: in a text they would rewrite the terminal or the reader's eye.
 _HIDDEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]")
+_SPACES = r"(?>[ \t]+(?![ \t\r\n#]))?"  # before a word; those before a line break may belong to it
 
 _Pattern = tuple[Callable[[str, int], "re.Match[str] | None"], dict[str, str]]
 
@@ -84,6 +85,9 @@ class Parser:
             kind = word.type
             while (step := states[stack[-1]].get(kind)) is not None and step < 0:
                 name, build, size, places, absent, passes = rules[~step]
+                if passes and size == 1 and places is None:
+                    stack[-1] = states[stack[-2]][name]
+                    continue
                 parts = values[-size:] if size else []
                 if size:
                     del values[-size:], stack[-size:]
@@ -108,15 +112,16 @@ class Parser:
             word = match(text, place)
             if word is None:
                 raise self._strange(text, place, stack)
-            kind, begin, place = word.lastgroup, place, word.end()
+            kind: Any = word.lastgroup
+            begin, place = word.span(kind)
             if kind != "BLANK":
-                value = word.group()
-                yield Token(keywords.get(value, kind) if kind == "NAME" else kind, value, begin, place)  # type: ignore[arg-type]
+                value = text[begin:place]
+                yield Token(keywords.get(value, kind) if kind == "NAME" else kind, value, begin, place)
 
     def _pattern(self, number: int) -> _Pattern:
         """Return a pattern of words and its keywords."""
         pattern, keywords = self.table.patterns[number]
-        self._matches[number] = re.compile(pattern).match, dict(keywords)
+        self._matches[number] = re.compile(f"{_SPACES}(?:{pattern})").match, dict(keywords)
         return self._matches[number]
 
     def _strange(self, text: str, place: int, stack: list[int]) -> Unreadable:
