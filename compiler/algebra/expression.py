@@ -376,25 +376,25 @@ def depends_on(x: Expression, symbol: Symbol) -> bool:
 
 def substitute(x: Expression, replacement: Callable[[Symbol], Expression]) -> Expression:
     """Replace every symbol, folding operations on numbers."""
-    known: dict[Apply, Expression] = {}
-
-    def walk(node: Apply) -> Expression:
-        found = known.get(node)
-        if found is None:
-            operands = []
-            for operand in node.operands:
-                kind = type(operand)
-                if kind is Apply:
-                    operand = walk(operand)  # type: ignore[arg-type]
-                elif kind is Symbol:
-                    operand = replacement(operand)  # type: ignore[arg-type]
-                operands.append(operand)
-            known[node] = found = rebuild(node.operator, operands)
-        return found
-
     if isinstance(x, Apply):
-        return walk(x)
+        return _substituted(x, replacement, {})
     return replacement(x) if isinstance(x, Symbol) else x
+
+
+def _substituted(node: Apply, replacement: Callable[[Symbol], Expression], done: dict[Apply, Expression]) -> Expression:
+    """Return a node with its symbols replaced. `done`: the same of nodes before. No closure, as each would be a cycle for the garbage collector."""
+    result = done.get(node)
+    if result is None:
+        operands = []
+        for operand in node.operands:
+            kind = type(operand)
+            if kind is Apply:
+                operand = _substituted(operand, replacement, done)  # type: ignore[arg-type]
+            elif kind is Symbol:
+                operand = replacement(operand)  # type: ignore[arg-type]
+            operands.append(operand)
+        done[node] = result = rebuild(node.operator, operands)
+    return result
 
 
 def rebuild(operator: str, operands: Sequence[Expression]) -> Expression:
@@ -412,23 +412,22 @@ def rebuild(operator: str, operands: Sequence[Expression]) -> Expression:
 
 def evaluate(x: Expression, lookup: Callable[[Any], float]) -> float:
     """Value for floats. Raises ArithmeticError or ValueError if there is none."""
-    known: dict[Expression, float] = {}
+    return _evaluated(x, lookup, {})
 
-    def walk(node: Expression) -> float:
-        if isinstance(node, Number):
-            return node.value
-        found = known.get(node)
-        if found is None:
-            if isinstance(node, Symbol):
-                found = lookup(node.key)
+
+def _evaluated(node: Expression, lookup: Callable[[Any], float], done: dict[Expression, float]) -> float:
+    if isinstance(node, Number):
+        return node.value
+    result = done.get(node)
+    if result is None:
+        if isinstance(node, Symbol):
+            result = lookup(node.key)
+        else:
+            assert isinstance(node, Apply)
+            if node.operator == "select":  # the branch not taken may have no value
+                condition, a, b = node.operands
+                result = _evaluated(a if _evaluated(condition, lookup, done) else b, lookup, done)
             else:
-                assert isinstance(node, Apply)
-                if node.operator == "select":  # the branch not taken may have no value
-                    condition, a, b = node.operands
-                    found = walk(a) if walk(condition) else walk(b)
-                else:
-                    found = value_of(node.operator, [walk(o) for o in node.operands])
-            known[node] = found
-        return found
-
-    return walk(x)
+                result = value_of(node.operator, [_evaluated(o, lookup, done) for o in node.operands])
+        done[node] = result
+    return result

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Set
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import lru_cache
 
 from ..algebra.expression import ZERO, Apply, Expression, Number, Symbol, call, substitute
 from ..algebra.formula import Formula
@@ -129,18 +129,22 @@ class _Rest:
 
 def _settled(step: Assignment, read: Callable[[int], Expression | None]) -> Expression | None:
     """Return the value of a step with zeros and known numbers put in; None if there may be none."""
+    return _part_of(step, step.formula.expression, read, {})
 
-    @cache
-    def walk(x: Expression) -> Expression | None:
-        if isinstance(x, Symbol):
-            argument: Entry = step.arguments[x.key]
-            return Number(argument) if isinstance(argument, float) else read(argument)
-        if not isinstance(x, Apply):
-            return x
-        operands = [o for o in map(walk, x.operands) if o is not None]
-        return _applied(x.operator, operands) if len(operands) == len(x.operands) else None
 
-    return walk(step.formula.expression)
+def _part_of(
+    step: Assignment, x: Expression, read: Callable[[int], Expression | None], done: dict[Expression, Expression | None]
+) -> Expression | None:
+    """Return the value of a part of a step. `done`: those of parts before."""
+    if isinstance(x, Symbol):
+        argument: Entry = step.arguments[x.key]
+        return Number(argument) if isinstance(argument, float) else read(argument)
+    if not isinstance(x, Apply):
+        return x
+    if x not in done:
+        operands = [o for o in (_part_of(step, o, read, done) for o in x.operands) if o is not None]
+        done[x] = _applied(x.operator, operands) if len(operands) == len(x.operands) else None
+    return done[x]
 
 
 def _applied(operator: str, operands: list[Expression]) -> Expression | None:

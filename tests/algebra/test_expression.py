@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -315,3 +316,16 @@ def test_a_sum_of_such_factors_is_closed() -> None:
     for x in (call("abs", X) + Y, X - Y, 3 * X, X * call("sin", Y)):
         kept = closed(x)
         assert isinstance(kept, Apply) and kept.closed
+
+
+def test_walks_leave_nothing_to_the_garbage_collector() -> None:
+    """A closure that calls itself is a cycle: those of a large model took a sixth of its compilation."""
+    x = add(power(Symbol("x"), Number(2.0)), call("sin", Symbol("y")))
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(9):
+            evaluate(substitute(x, lambda symbol: Number(0.5) if symbol.key == "x" else symbol), lambda _: 1.0)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
