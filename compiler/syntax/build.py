@@ -9,12 +9,13 @@ from fractions import Fraction
 from functools import lru_cache, partialmethod
 from typing import Any
 
+from lark import Token
+
 from ..source import Source, Span
 from . import tree
 from .errors import NumberTooLarge, WrongUnit
 from .operators import Operators, deepened
 from .refused import Refused, place_of
-from .token import Token
 
 MAXIMUM_UNIT_POWER = 20
 ONE = Fraction(1)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ..errors import Diagnostic
 from ..source import Source, Span
 from .errors import StrangeCharacter, Unclosed, Unexpected
 from .foreign_lines import advice_on
 from .refused import Unreadable, place_of
-from .token import END, Token
 
+if TYPE_CHECKING:
+    from lark import Token
+
+END = "$END"  # lark's word at the end of the text
 _WORDS = {
     "NAME": "a name", "NUMBER": "a number", "STRING": 'a text in ""', "_NL": "the end of the line", "RBRACE": "`}`", "LBRACE": "`{`",
     "RPAR": "`)`", "LPAR": "`(`", "RSQB": "`]`", "LSQB": "`[`", "COLON": "`:`", "EQUAL": "`=`", "COMMA": "`,`", "SEMICOLON": "`;`",

@@ -26,7 +26,7 @@ from .refused import Refused, Unreadable, place_of
 from .tree import Index, Member, SyntaxNode
 
 if TYPE_CHECKING:
-    from .token import Token
+    from lark import Token
 
 INDENT = 2  # columns for each open brace
 COMMENT = 2  # columns before a comment at the end of a line

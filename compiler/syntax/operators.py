@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
+from lark import Token
+
 from ..source import Span
 from . import tree
 from .errors import TooDeep, Unexpected
 from .refused import Refused, place_of
-from .token import Token
 
 MAXIMUM_DEPTH = 120  # height of an expression
 

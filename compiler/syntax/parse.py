@@ -17,8 +17,9 @@ from .refused import Refused, Unreadable
 from .tree import ExpressionSyntax, LawSyntax, SyntaxTree
 
 if TYPE_CHECKING:
+    from lark import Token
+
     from .grammar import Parser
-    from .token import Token
 
 MAXIMUM_SIZE = 8_000_000  # characters of one file
 MAXIMUM_MISTAKES = 20  # syntax errors reported for one file
@@ -28,7 +29,7 @@ _parser_lock = threading.Lock()
 
 @cache
 def _parser() -> Parser:
-    from .grammar import Parser  # who runs a model seen before parses nothing
+    from .grammar import Parser  # lark: who runs a model seen before parses nothing
 
     return Parser()
 

@@ -9,12 +9,12 @@ from ..source import Source, Span
 from .errors import StrangeCharacter, Unexpected
 
 if TYPE_CHECKING:
-    from .token import Token
+    from lark import Token
 
 
 def place_of(word: Token) -> tuple[int, int]:
-    """Offsets of a word."""
-    return word.start_pos, word.end_pos
+    """Offsets of a word. lark gives none to the end of an empty text."""
+    return word.start_pos or 0, word.end_pos or 0
 
 
 class Refused(Exception):

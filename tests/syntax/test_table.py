@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
-from typing import Any
 
 import lark
 import pytest
 
 import compiler.persistent_cache as kept_module
-from compiler.syntax.grammar import Parser, WordFilter
-from compiler.syntax.tables import ALWAYS, STARTS, ParserTable, make_table
-from compiler.syntax.token import END
+from compiler.source import Source
+from compiler.syntax.build import Builder
+from compiler.syntax.grammar import STARTS, Parser, ParserTable, WordFilter, make_table
 from compiler.syntax.words import grammar
 from tests.compiling import ROOT
 
@@ -20,31 +18,14 @@ GRAMMAR = grammar()
 MODELS = ["oscillator.bg", "manipulator.bg", "dc_motor.bg"]
 
 
-class Names:
-    """A builder that keeps the parts of each rule with its name."""
-
-    def __getattr__(self, name: str) -> Any:
-        if not name[:1].isalpha() or name.isupper():
-            raise AttributeError(name)
-        return lambda parts: (name, [part if isinstance(part, tuple) else part and str(part) for part in parts])
-
-
-class LineBreaks(WordFilter):
-    """lark adds the word at the end of a text itself."""
-
-    always_accept = ALWAYS
-
-    def process(self, stream: Iterator[Any]) -> Iterator[Any]:
-        return (word for word in super().process(stream) if word.type != END)
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_as_lark_reads(model: str) -> None:
-    """The loop over tables that were kept gives what lark gives that has just read the grammar."""
+    """Tables that were kept give what lark gives that has just read the grammar."""
     text = (ROOT / "models" / model).read_text(encoding="utf-8")
-    names: Any = Names()
-    fresh = lark.Lark(GRAMMAR, parser="lalr", start=STARTS, transformer=names, postlex=LineBreaks())  # type: ignore[arg-type]
-    assert Parser(names).parse(text, "start", None) == fresh.parse(text, "start")
+    kept_parser, builder = Parser(), Builder()
+    kept_parser.builder.source = builder.source = Source(model, text)
+    fresh = lark.Lark(GRAMMAR, parser="lalr", start=STARTS, transformer=builder, postlex=WordFilter())
+    assert kept_parser.parse(text, "start", None) == fresh.parse(text, "start")
 
 
 def test_a_table_is_plain_data() -> None:
@@ -72,7 +53,7 @@ def test_made_once_where_it_can_be_kept() -> None:
 
     def make(grammar: str) -> ParserTable:
         made.append(grammar)
-        return ParserTable({}, [grammar], {}, {}, [], {}, 0)
+        return ParserTable({grammar: ()}, {})
 
     before = kept_module._backends[:]
     try:
@@ -82,4 +63,4 @@ def test_made_once_where_it_can_be_kept() -> None:
     finally:
         kept_module._backends[:] = before
     assert made == ["one", "two"]
-    assert [t.rules for t in tables] == [["one"], ["one"], ["two"]]
+    assert [list(t.data) for t in tables] == [["one"], ["one"], ["two"]]
