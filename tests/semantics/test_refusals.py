@@ -58,6 +58,26 @@ def test_neither_is_a_name_of_one(rate: str, cycles: str, step: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "places"),
+    [
+        ("parameter f: Hz = 3000 rpm, g: kHz = w, h: Hz = n*w, i: Hz = max(w, 1 rpm), o: rad/s = 50 Hz, l: rpm = -f0", ["3000 rpm", "w", "n*w", "max(w, 1 rpm)", "50 Hz", "-f0"]),
+        ("parameter f: Hz = w/(2*pi), g: Hz = k*w, h: Hz = w*0.15915, i: rad/s = 2*pi*(3 Hz), l: rad/s = 3 [1/s], o: Hz = 3 [1/s]", []),
+        ("signal a = chirp(time, w, 2*w, 1 s), b = chirp(time, 1 Hz, w/(2*pi), 1 s)", ["w"]),
+        ("experiment e { bandwidth 2*w; simulate 0 .. 1 s }", ["2*w"]),
+        ("experiment e { set v = 3 Hz; simulate 0 .. 1 s }", ["3 Hz"]),
+        ("P a { f = w }; P b { f = w/(2*pi) }; P c { f = w if n > 2 else 1 Hz }", ["w", "w if n > 2 else 1 Hz"]),
+        ("signal a = (1 if shaft.omega > 3 Hz else 0), b = w - 3 Hz, c = (1 if f0 > 3 Hz else 0)", ["shaft.omega", "w"]),
+        ("Sf other : omega = 50 Hz; other -> shaft", ["50 Hz"]),
+    ],
+)  # fmt: skip
+def test_no_quantity_is_in_both(text: str, places: list[str]) -> None:
+    """A speed of 3000 rpm was a frequency of 314 Hz, and 50 Hz one of 50 rad/s."""
+    inside = "parameter w = 3 rad/s, v: rad/s = 2, n = 3, k = 2 m/(3 m), f0 = 1 Hz; 1 shaft : rotation; I m : p = 1 [kg*m^2]*omega; shaft -> m"
+    found = told(f"model P {{ parameter f = 50 Hz; output x = f }}; model A {{ {inside}; {text} }}")
+    assert [(code, place) for code, place, *_ in found] == [("BG103", place) for place in places]
+
+
+@pytest.mark.parametrize(
     ("reading", "refused"),
     [("shaft.omega", True), ("speed", True), ("-speed", True), ("slip", True), ("w", True), ("turns", False), ("shaft.omega/(2*pi)", False), ("f", False)],
 )  # fmt: skip

@@ -52,6 +52,7 @@ from .template import (
     has_value,
     negated,
     no_choice,
+    rates_in,
     times,
 )
 from .vectors import VECTORS, compile_vector
@@ -142,6 +143,7 @@ class ExpressionCompiler:
     def value(self, node: tree.ExpressionSyntax) -> Value:
         """Compile a node. Raises `Wrong` for a number that is not finite."""
         value = self._value(node)
+        self.checks += () if self.opening else rates_in(node)
         for part in parts_of(value):
             if not part.truth and not has_value(part.expression):
                 why = "a division by zero, an overflow, or a root or logarithm of a negative number"
@@ -312,9 +314,7 @@ class ExpressionCompiler:
         return self.slots[key]
 
     def _sum(self, node: tree.Sum) -> Value:
-        absolute = [
-            s for s, t in node.terms if isinstance(t, tree.Literal) and t.unit is not None and is_absolute(t.unit)
-        ]
+        absolute = [s for s, t in node.terms if isinstance(t, tree.Literal) and t.unit and is_absolute(t.unit)]
         if len(absolute) > 1 and sum(absolute) not in (0, 1):
             hint = "A difference of temperatures is in K: `20 degC + 5 K`."
             raise Wrong(WrongType(node.span, "A temperature or a difference", "a sum of absolute temperatures", hint))

@@ -53,6 +53,11 @@ def counts_radians(unit: str) -> bool:
     return re.search(r"(rad|rev|deg|rpm)\b", unit) is not None
 
 
+def counts_cycles(unit: str) -> bool:
+    """Return True for the text of a unit that is a frequency."""
+    return re.fullmatch(r"\[?\s*[a-zA-Zµ]?Hz\s*\]?", unit) is not None
+
+
 def check_cycles(*frequencies: tree.ExpressionSyntax) -> None:
     """Raise `Wrong` if one of some frequencies, which count cycles, is written as a rate of an angle."""
     for node in frequencies:

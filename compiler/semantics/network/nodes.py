@@ -30,6 +30,7 @@ from ..names.domain_table import junction_width
 from ..names.errors import UnknownAttribute, WrongLaw, WrongMechanism, WrongValue
 from ..names.scope import ElementEntry, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
+from ..resolution.cycles import refuse_frequencies
 from ..resolution.elaboration_cache import ElaborationCache
 from ..resolution.resolver import read_condition
 from .connect import Connector
@@ -168,6 +169,12 @@ class Nodes:
             found = replace(compiled, law=self._interned.setdefault(compiled.law, compiled.law))
             known.append(found)
         elaborator.check(found.checks, found.slots, scope)
+        if {d.name for d in entry.ports.values()} == {"rotation"} and isinstance(
+            declaration.definition, tree.LawSyntax
+        ):
+            for equation in declaration.definition.equations:
+                if equation.left.span.text in ("f", "omega"):
+                    refuse_frequencies(elaborator, scope, equation.right, "the flow of a rotation")
         return found, alike
 
     def _mechanisms(self, connector: Connector) -> None:

@@ -2,54 +2,135 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import Protocol
 
+from ...graph.domains import Domain
 from ...graph.network import Reading
+from ...graph.units import ONE, SECOND
 from ...syntax import tree
-from ..expressions.scales import check_cycles, counts_radians
+from ..expressions.scales import bare, counts_cycles, counts_radians, scale_of
+from ..expressions.template import Check
 from ..names.errors import DimensionMismatch
-from ..names.scope import Scalar, Scope
+from ..names.scope import Entry, Pending, Scalar, Scope
 from ..names.statement_errors import Wrong
 
-if TYPE_CHECKING:
-    from .resolver import Resolver
+
+class KnownNames(Protocol):
+    """Resolver, as far as it knows what names denote."""
+
+    def file_entry(self, name: str, scope: Scope) -> Entry | None:
+        """Return what a name of the file denotes."""
+
+    def step(
+        self, entry: Entry, step: tree.Member | tree.Index, name: str, path: tree.PathSyntax, scope: Scope
+    ) -> Entry:
+        """Return what a name or index after another denotes. Raises `Wrong`."""
+
+    def port_domain(self, node: str, port: str) -> Domain:
+        """Return the domain of a port."""
+
 
 MOST_NAMES = 20  # names that stand for each other
+# Digits of 2 pi, pi, 1/(2 pi), 1/pi, 60/(2 pi) and 2 pi/60.
+OF_A_TURN = re.compile(r"6\.28|3\.14|\.159|\.318|9\.5[45]|\.104")
 
 
-def counts_angle(resolver: Resolver, expression: object, scope: Scope, most: int = MOST_NAMES) -> bool:
-    """Return True for the rate of an angle: by its unit, the unit that a name is declared or given in, or as the flow of a rotation."""
+def counts_angle(
+    names: KnownNames, expression: object, scope: Scope, counts: Callable[[str], bool] = counts_radians, most: int = MOST_NAMES
+) -> bool:  # fmt: skip
+    """Return True for the rate of an angle: by its unit, the unit that a name is declared or given in, or as the flow of a rotation.
+
+    `counts`: True for a unit that has one, or with `counts_cycles` for those of frequencies.
+    """
+    parts: Iterable[object] = ()
     match expression:
         case tree.Literal(unit=tree.Unit() as unit):
-            return counts_radians(unit.span.text)
+            return counts(unit.span.text)
         case tree.Negative(operand=operand):
-            return counts_angle(resolver, operand, scope, most)
+            parts = (operand,)
         case tree.Sum(terms=terms):
-            return any(counts_angle(resolver, term, scope, most) for _, term in terms)
+            parts = [term for _, term in terms]
+        case tree.Call(function="abs" | "min" | "max", arguments=parts) | tree.VectorSyntax(items=parts):
+            pass
+        case tree.ChoiceSyntax(value=value, otherwise=otherwise):
+            parts = (value, otherwise)
+        case tree.Product(factors=factors):
+            others = [factor for _, factor in factors if not counts_angle(names, factor, scope, counts, most)]
+            return len(others) == len(factors) - 1 and all(_is_number(names, o, scope) for o in others)
         case tree.PathSyntax():
-            entry = resolver.lookup(expression, scope)
-            if not isinstance(entry, Scalar):
-                return False
-            if isinstance(entry.reference, Reading):
+            entry = _read(names, expression, scope)
+            if isinstance(entry, Pending):
+                if entry.item.unit is not None:
+                    return counts(entry.item.unit.span.text)
+                return most > 0 and counts_angle(names, entry.value, entry.scope, counts, most - 1)
+            if isinstance(entry, Scalar) and isinstance(entry.reference, Reading) and counts is counts_radians:
                 at = entry.reference
-                return at.variable == "f" and resolver.port_domain(at.node, at.port).name == "rotation"
-            own = next((p for p in resolver.pending if p.name == entry.name), None)
-            if own is None or own.item.unit is None:
-                return own is not None and most > 0 and counts_angle(resolver, own.value, own.scope, most - 1)
-            return counts_radians(own.item.unit.span.text)
-    return False
+                return at.variable == "f" and names.port_domain(at.node, at.port).name == "rotation"
+    return any(counts_angle(names, part, scope, counts, most) for part in parts)
 
 
-def refuse_rates_of_angles(resolver: Resolver, scope: Scope, *frequencies: tree.ExpressionSyntax) -> None:
+def _read(names: KnownNames, path: tree.PathSyntax, scope: Scope) -> object:
+    """Return what a path names; None for `pi`, and for a variable of the law in which it stands."""
+    entry = scope.find(path.head) or names.file_entry(path.head, scope)
+    try:
+        for step in path.steps:
+            entry = names.step(entry, step, path.head, path, scope) if entry is not None else None
+    except Wrong:
+        return None
+    return entry
+
+
+def _is_number(names: KnownNames, expression: object, scope: Scope) -> bool:
+    """Return True for a bare number, also by name, unless it turns angles into cycles: a ratio of lengths may do so."""
+    if isinstance(expression, tree.PathSyntax):
+        entry = _read(names, expression, scope)
+        expression = entry.value if isinstance(entry, Pending) else None
+    return isinstance(expression, tree.Literal) and bare(expression) and not OF_A_TURN.search(expression.span.text)
+
+
+def refuse_other_rates(names: KnownNames, value: tree.ExpressionSyntax, scope: Scope, item: tree.Item) -> None:
+    """Raise `Wrong` for the rate of an angle as a quantity in Hz, and for a frequency as one in rad/s or rpm, by its declaration or default."""
+    unit = item.unit or (None if value is item.value else getattr(item.value, "unit", None))
+    if unit is None or scale_of(unit).dimension != ONE / SECOND:
+        return
+    words = unit.span.text
+    if counts_cycles(words) and counts_angle(names, value, scope):
+        what = f"`{value.span.text}` is the rate of an angle, and {words} counts cycles"
+        raise Wrong(DimensionMismatch(value.span, what, f"Write `{in_cycles(value)}`."))
+    if counts_radians(words):
+        refuse_frequencies(names, scope, value, words)
+
+
+def refuse_frequencies(names: KnownNames, scope: Scope, value: tree.ExpressionSyntax, angle: str) -> None:
+    """Raise `Wrong` for a frequency as the rate of an angle, in words or a unit."""
+    if counts_angle(names, value, scope, counts_cycles):
+        what = f"`{value.span.text}` counts cycles, and {angle} an angle"
+        raise Wrong(DimensionMismatch(value.span, what, f"Write `2*pi*({value.span.text})`."))
+
+
+def refuse_rates_of_angles(names: KnownNames, scope: Scope, *frequencies: tree.ExpressionSyntax) -> None:
     """Raise `Wrong` if one of some frequencies, which count cycles, is the rate of an angle."""
-    check_cycles(*frequencies)
     for node in frequencies:
-        if counts_angle(resolver, node, scope):
+        if counts_angle(names, node, scope):
             what = f"A frequency counts cycles here, and `{node.span.text}` an angle"
             raise Wrong(DimensionMismatch(node.span, what, f"Write `{in_cycles(node)}`."))
+
+
+def refuse_mixed_rates(names: KnownNames, scope: Scope, check: Check) -> None:
+    """Raise `Wrong` for the rate of an angle as a frequency of a `chirp`, or beside what is one."""
+    parts = check.cycles
+    if check.function == "chirp" or any(counts_angle(names, part, scope, counts_cycles) for part in parts):
+        refuse_rates_of_angles(names, scope, *parts)
 
 
 def in_cycles(rate: tree.ExpressionSyntax) -> str:
     """Return the rate of an angle as a frequency, as text."""
     words = rate.span.text
-    return f"({words})/(2*pi)" if isinstance(rate, tree.Sum) and not words.startswith("(") else f"{words}/(2*pi)"
+    if isinstance(rate, tree.Literal) and rate.unit is not None:
+        return f"{scale_of(rate.unit).to_si(rate.number) / (2 * math.pi):.10g} Hz"
+    if isinstance(rate, tree.Sum | tree.ChoiceSyntax) and not words.startswith("("):
+        words = f"({words})"
+    return f"{words}/(2*pi)"

@@ -69,6 +69,7 @@ from ..names.scope import (
     indexed,
 )
 from ..names.statement_errors import MAXIMUM_MISTAKES, AlreadyTold, Wrong, reason_of, suggestion, wrong_unit
+from .cycles import refuse_mixed_rates
 from .elaboration_cache import ElaborationCache
 
 SHOWN = 60  # characters of a line in an error
@@ -250,8 +251,9 @@ class Resolver(ABC):
         return bind_template(template, formula, lambda slot: self.scalar_at(slot, scope).reference)
 
     def check(self, checks: Iterable[Check], slots: Sequence[Slot], scope: Scope) -> None:
-        """Check the points of tables with their values in this scope."""
+        """Check the points of tables with their values in this scope, and what frequencies count."""
         for check in checks:
+            refuse_mixed_rates(self, scope, check)
             # points are looked at in any branch: what turns a table round needs them
             if check.function in KINDS or not any(self._fails(guard, check, slots, scope) for guard in check.guards):
                 check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
@@ -341,7 +343,7 @@ class Resolver(ABC):
         for step in path.steps:
             if isinstance(entry, Broken | Absent):
                 break
-            entry = self._step(entry, step, name, path, scope)
+            entry = self.step(entry, step, name, path, scope)
             name += f".{step.name}" if isinstance(step, tree.Member) else "[…]"
         if isinstance(entry, Broken):
             raise AlreadyTold
@@ -413,7 +415,7 @@ class Resolver(ABC):
         key = f"{scope.definition.file.source.name}:{name}"
         return self._file_constants.setdefault(key, pending)
 
-    def _step(
+    def step(
         self, entry: Entry, step: tree.Member | tree.Index, name: str, path: tree.PathSyntax, scope: Scope
     ) -> Entry:
         if isinstance(step, tree.Index):
@@ -454,7 +456,7 @@ class Resolver(ABC):
             case Array():  # what each of its items has under that name: a list, if it is a number
                 each = Array(f"{name}.{step.name}", entry.span)
                 for key, item in entry.items.items():
-                    inner = self._step(item, step, indexed(name, key), path, scope)
+                    inner = self.step(item, step, indexed(name, key), path, scope)
                     more = inner.items if isinstance(inner, Array) else {(): inner}
                     each.items.update({(*key, *k): e for k, e in more.items()})
                 return each
