@@ -376,12 +376,7 @@ class Compilation:
             f"`{name}` is in integral form although it prefers the derivative form: with that nothing would decide what it holds"
             for name in self.given_way
         )
-        told = (
-            *notes(self.graph),
-            *measurement_notes(self.state_space),
-            *self.readings,
-            *wishes,
-        )
+        told = (*notes(self.graph), *measurement_notes(self.state_space), *self.readings, *wishes)
         return certify(self.state_space, self.equations, (left_out, self.unexcited), told)
 
     @property

@@ -21,15 +21,7 @@ from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..results.json_values import named
 from .reduced import Reduced, tied_coordinates
-from .singular_slopes import (
-    CLOSEST,
-    SIGNS,
-    Beside,
-    Slopes,
-    departure,
-    jumps,
-    slopes_from_beside,
-)  # fmt: skip
+from .singular_slopes import CLOSEST, SIGNS, Beside, Slopes, departure, jumps, slopes_from_beside  # fmt: skip
 from .sizes import sizes
 from .thresholds import Thresholds, acting, thresholds
 

@@ -56,11 +56,7 @@ class AnalysisCall:
     def answer(self, found: Any) -> None:
         """Write the files of a result, and print it."""
         files = self.files
-        writers = (
-            (files.plot, "plot"),
-            (files.tornado, "plot_tornado"),
-            (files.curves, "plot_curves"),
-        )
+        writers = ((files.plot, "plot"), (files.tornado, "plot_tornado"), (files.curves, "plot_curves"))
         for path, write in writers:
             if path is not None:
                 getattr(found, write)(path)

@@ -303,10 +303,7 @@ def _collected(
         while waiting:
             future = finished.get()
             report, time = future.result()
-            most = max(
-                first,
-                min(largest, int(len(report) * first * OFTEN / max(time, 1e-6))),
-            )
+            most = max(first, min(largest, int(len(report) * first * OFTEN / max(time, 1e-6))))
             left.extendleft(reversed(waiting[future][len(report) :]))
             submit_some()
             yield report

@@ -10,18 +10,7 @@ from ..algebra.formula import bind
 from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
 from ..graph.elements import TRANSDUCERS, Kind
-from ..graph.network import (
-    BondEnd,
-    BondGraph,
-    Delay,
-    Element,
-    Event,
-    Junction,
-    MechanismNode,
-    Named,
-    Node,
-    Requirement,
-)
+from ..graph.network import BondEnd, BondGraph, Delay, Element, Event, Junction, MechanismNode, Named, Node, Requirement
 from ..graph.units import ONE, SECOND
 from .element import element_line
 from .errors import UnwrittenDomain, UnwrittenFile

@@ -28,16 +28,7 @@ from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.scales import scale_of
 from ..expressions.tables import DIVISORS, check_static
 from ..expressions.template import Check, CompiledLaw, Readable, Slot, Template, Typed, bind_template
-from ..names.errors import (
-    NO_NAMES,
-    AbsentName,
-    NotStatic,
-    NoValue,
-    TooManyMistakes,
-    UnknownName,
-    WrongIndex,
-    WrongType,
-)
+from ..names.errors import NO_NAMES, AbsentName, NotStatic, NoValue, TooManyMistakes, UnknownName, WrongIndex, WrongType
 from ..names.foreign_words import name_advice
 from ..names.members import (
     element_member,

@@ -12,14 +12,7 @@ from ...syntax.blocks import Statements, flat, inner_blocks, nodes_in
 from ..expressions.expression_compiler import BUILT_IN
 from ..names.compound_units import NAMED, names_in
 from ..names.domain_table import ELEMENT_KINDS, paths_of
-from ..names.errors import (
-    UnknownAttribute,
-    UnknownFunction,
-    UnknownKind,
-    UnknownName,
-    Unsupported,
-    WrongStructure,
-)
+from ..names.errors import UnknownAttribute, UnknownFunction, UnknownKind, UnknownName, Unsupported, WrongStructure
 from ..names.part_kinds import kinds_of
 from ..names.scope import Absent, Broken, Entry, FileScope, ModelDefinition, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
