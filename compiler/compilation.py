@@ -180,11 +180,8 @@ class Compilation:
     @property
     def _free(self) -> frozenset[str]:
         """The inputs and parameters that stay arguments of the program."""
-        return (
-            self.scene.free
-            if not self.scene.companion
-            else self.scene.free | {*companion_inputs(self._switched_off, self.gaps)}
-        )
+        own = companion_inputs(self._switched_off, self.gaps) if self.scene.companion else ()
+        return self.scene.free | {*own}
 
     @cached_property
     def off(self) -> tuple[str, ...]:

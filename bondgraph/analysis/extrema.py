@@ -79,11 +79,9 @@ def _about(poles: ComplexArray, infinite: Array, low: float, high: float) -> Any
         if centre == 0 or abs(pole.real) >= abs(pole.imag):
             continue
         narrow = max(abs(pole.real / pole.imag) / 30, NARROWEST)
-        widths = (
-            centre * np.geomspace(narrow, WIDEST, max(2, int(6 * np.log10(WIDEST / narrow))))
-            if narrow < WIDEST
-            else np.zeros(0)
-        )
+        widths = np.zeros(0)
+        if narrow < WIDEST:
+            widths = centre * np.geomspace(narrow, WIDEST, max(2, int(6 * np.log10(WIDEST / narrow))))
         parts += [centre - widths, np.array([centre]), centre + widths]
     every = np.unique(np.concatenate(parts))
     every = every[(every >= low) & (every <= high)]

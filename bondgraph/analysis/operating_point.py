@@ -385,7 +385,8 @@ class OperatingPoint:
         found: Slopes | None = self.made.kept.get(variables)
         if found is None:
             rows = [self.lowered.slopes.get(v, {}) for v in variables]
-            columns = [*range(self.all), *(self.all + self.by.index(self._name(v)) for v in self.lowered.by)]
+            by = [self.compilation.state_space.quantities.get(n) for n in self.by]
+            columns = [*range(self.all), *(self.all + by.index(v) for v in self.lowered.by)]
             tape = Tape([x for row in rows for x in row.values()])
             found = self.made.kept[variables] = Slopes(
                 tape, np.repeat(np.arange(len(rows)), [len(row) for row in rows]),
@@ -399,9 +400,6 @@ class OperatingPoint:
         if found is None:
             found = self.made.kept[word] = Tape(roots())
         return found
-
-    def _name(self, variable: int) -> str:
-        return next(n for n in self.by if self.compilation.state_space.quantities.get(n) == variable)
 
     @cached_property
     def conserved(self) -> Any:

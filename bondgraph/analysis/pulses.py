@@ -45,17 +45,13 @@ def held_note(point: OperatingPoint, linear: bool = False) -> str:
 def refuse_moving_pulses(point: OperatingPoint) -> None:
     """Raise `UsageError` if a state, or one of the quantities by which derivatives are taken, moves the instants of stairs of time."""
     program, by = point.program, set(point.by)
-    names = program.states.names
+    names = (*program.states.names, *program.unknowns.names)
     roles = (("parameter", program.parameters.names), ("input", program.inputs.names))
     moving = {(role, i): name for role, all_names in roles for i, name in enumerate(all_names) if name in by}
     for leaf in (symbol.key for root in _stairs_of_time(point.lowered) for symbol in symbols(root)):
         name = moving.get((leaf.role, leaf.position))
         if leaf.role == "state":
-            name = (
-                names[leaf.position]
-                if leaf.position < len(names)
-                else program.unknowns.names[leaf.position - len(names)]
-            )
+            name = names[leaf.position]
         if name is not None:
             raise UsageError(
                 "BR268", f"`{name}` moves the instants at which a `pwm` or another stair of time jumps: its value at one instant has no slope;",

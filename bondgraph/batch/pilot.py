@@ -93,16 +93,8 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
         while size > smallest and not follows(stretch.start, stretch.start + size):
             size *= 0.25
         steps["mode"][:] = stretch.mode
-        loop.put(
-            {
-                "time": stretch.start,
-                "size": size,
-                "taken": taken,
-                "usual": usual,
-                "smallest": smallest,
-                "stop": stretch.stop,
-            }
-        )
+        sizes = {"size": size, "usual": usual, "smallest": smallest}
+        loop.put({"time": stretch.start, "stop": stretch.stop, "taken": taken, **sizes})
         stopped |= _advance(loop, "coarse", sound)
         times, taken = loop["time"], loop["taken"].copy()
         sound &= (taken < MOST_STEPS) & (taken + 1 != CAREFUL)

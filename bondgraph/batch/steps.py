@@ -69,7 +69,7 @@ class BatchIntegrator:
         for row, position in enumerate(self.position):
             self.states[row, position:] = x[row]
         evaluations = dict(zip(EVALUATIONS, self.evaluations.T, strict=True))
-        solvers = [*map(_names_of, self.methods)]
+        solvers = [" and ".join(f"{METHODS[m].name}, native" for m in methods) for methods in self.methods]
         return BatchTrajectories(self.states, self.sound, self.steps, evaluations, solvers, self.choice)
 
     def _at(self, stretch: Segment, x: Array) -> tuple[Any, ...]:
@@ -210,8 +210,3 @@ def _evaluations(solver: RecordBatch) -> Any:
 
 def _room(program: Any, method: int, signals: int, bends: int, peaks: int) -> Callable[[], dict[str, Any]]:
     return lambda: room_of(program, method, signals, bends, peaks)
-
-
-def _names_of(methods: dict[int, None]) -> str:
-    """Return the names of the methods of a run, as its result has them."""
-    return " and ".join(f"{METHODS[method].name}, native" for method in methods)

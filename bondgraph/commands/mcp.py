@@ -78,7 +78,7 @@ def draw(text: str = "", file: str = "", mechanism: str = "") -> str:
 
     def drawn() -> None:
         with problems_told():
-            model = load(_given(text, file))
+            model = load(Path(file) if file else f"{text}\n")
             figure = model.draw_mechanism(name=mechanism) if mechanism else model.draw()
             click.echo(text_of(figure, "svg"))
 
@@ -131,10 +131,6 @@ def language(section: str = "") -> str:
 
 
 # ---------------------------------------------------------------- a command in this process
-def _given(text: str, file: str) -> str | Path:
-    return Path(file) if file else f"{text}\n"
-
-
 def _told(arguments: list[str], text: str, file: str) -> str:
     """Return what a command prints; its notes or errors behind it."""
     from . import commands

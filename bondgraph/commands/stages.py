@@ -173,7 +173,9 @@ def compile(
         if is_system:
             chosen_model.to_ssp(out, part, experiment, words, version)
         else:
-            chosen_model.to_fmu(out, experiment, words, version, _ports(port), unit["icon"] is not None)
+            parts = (text.partition("=") for text in port)  # such as `tip=effort`
+            ports = {name.strip(): variable.strip() for name, _, variable in parts}
+            chosen_model.to_fmu(out, experiment, words, version, ports, unit["icon"] is not None)
         return
     if port or any(value is not None for value in unit.values()):
         raise click.UsageError(
@@ -184,8 +186,3 @@ def compile(
     )
     with written(out, endings[0]) as path:
         write_text(path, text)
-
-
-def _ports(texts: tuple[str, ...]) -> dict[str, str]:
-    """Return the ports of texts such as `tip=effort`."""
-    return {name.strip(): given.strip() for name, _, given in (text.partition("=") for text in texts)}

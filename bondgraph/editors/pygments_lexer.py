@@ -31,10 +31,6 @@ class BondgraphLexer(RegexLexer):  # type: ignore[misc]
 def _states(listed: Iterable[Rule]) -> list[Any]:
     entries = []
     for rule in listed:
-        tokens = bygroups(*(_token(kind) for _, kind in rule.parts))
+        tokens = bygroups(*(reduce(getattr, CLASSES[kind][1].split("."), Token) for _, kind in rule.parts))
         entries.append((rule.pattern, tokens, "quantities") if rule.begins else (rule.pattern, tokens))
     return entries
-
-
-def _token(kind: str) -> Any:
-    return reduce(getattr, CLASSES[kind][1].split("."), Token)

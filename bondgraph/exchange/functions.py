@@ -131,19 +131,8 @@ FMI_2 = (
 _SIZED = f"{_SOME}, size: size"
 _HEAD_3 = "name: pointer, token: pointer, resources: pointer, visible: bool, logging: bool"
 _TIMES = "c: pointer, vr: pointer, count: size, counters: pointer, resolutions: pointer"
-_OTHER_TYPES = (
-    "Float32",
-    "Int8",
-    "UInt8",
-    "Int16",
-    "UInt16",
-    "Int32",
-    "UInt32",
-    "Int64",
-    "UInt64",
-    "Boolean",
-    "String",
-)
+_INTEGERS = (f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U"))
+_OTHER_TYPES = ("Float32", *_INTEGERS, "Boolean", "String")
 FMI_3 = (
     *_COMMON,
     _row("SetDebugLogging", "c: pointer, on: bool, count: size, categories: pointer", memory.do_nothing, "c"),

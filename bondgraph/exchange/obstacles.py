@@ -29,11 +29,8 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
         yield space.forced[0].span, f"the rate of `{name}`, which may jump as only a run sees,", _RUN
     for event in lowered.events.events:
         if event.span.unit is not None:
-            yield (
-                event.span,
-                f"`{event.owner}`, a unit itself ({event.span.source.name})",
-                "Join the two in the tool that imports this one.",
-            )
+            text = "Join the two in the tool that imports this one."
+            yield event.span, f"`{event.owner}`, a unit itself ({event.span.source.name})", text
         for setting in event.settings:
             if setting.kind == "computed":
                 text = "Set the state of a storage, or a `mode`."

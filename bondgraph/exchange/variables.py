@@ -90,10 +90,8 @@ def _parameters(
 def _outputs(lowered: Lowered, structure: ProgramStructure, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
     for row, (name, number) in enumerate(lowered.space.outputs.items(), len(lowered.space.states)):
         unit, reads = lowered.space.variables[number].unit, _reads(lowered, structure, row)
-        description, variability = (
-            descriptions.get(name, ""),
-            "discrete" if name in structure.discrete else "continuous",
-        )
+        description = descriptions.get(name, "")
+        variability = "discrete" if name in structure.discrete else "continuous"
         yield FmuVariable(name, "output", variability, unit, "calculated", description=description, reads=reads)
 
 

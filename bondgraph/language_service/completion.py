@@ -12,6 +12,7 @@ from compiler.api import (
     DOMAINS,
     ELEMENTS,
     HELD,
+    SOLVERS,
     DeclaredName,
     Dimension,
     EditedFile,
@@ -34,7 +35,7 @@ from .context import Context, context_at, path_before
 from .facts import declared_dimension, dimension_of, entry_of, ports
 from .libraries import import_suggestions, library_models, part_suggestion
 from .units import unit_suggestions
-from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text, solver_names
+from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text
 from .workspace import Workspace
 
 PLACES = ("element", "junction", "instance", "mechanism", "port")
@@ -338,7 +339,7 @@ def _mechanism(place: CursorPlace) -> Iterator[Suggestion]:
 
 def _simulate(place: CursorPlace) -> Iterator[Suggestion]:
     if [w.text for w in place.context.statement[-2:]] == ["solver", "="]:
-        yield from (Suggestion(name, "solver") for name in solver_names())
+        yield from (Suggestion(name, "solver") for name in SOLVERS)
     elif not place.context.statement or place.context.last == ",":
         yield from _keywords("simulate")
     else:
@@ -355,11 +356,8 @@ def _analysis(place: CursorPlace) -> Iterator[Suggestion]:
 
 
 def _resets(place: CursorPlace) -> Iterator[Suggestion]:
-    yield from (
-        _names(place, ("mode", "element", "instance", "mechanism"))
-        if place.context.last in ("", ",")
-        else _expression(place)
-    )
+    kinds = ("mode", "element", "instance", "mechanism")
+    yield from _names(place, kinds) if place.context.last in ("", ",") else _expression(place)
 
 
 _BLOCKS: Mapping[str, Callable[[CursorPlace], Iterator[Suggestion]]] = {
@@ -376,11 +374,9 @@ _BLOCKS: Mapping[str, Callable[[CursorPlace], Iterator[Suggestion]]] = {
 def _attributes(place: CursorPlace) -> Iterator[Suggestion]:
     """Attributes in the braces of a declaration."""
     context = place.context
-    words = (
-        context.statement[[w.text for w in context.statement].index(",") + 1 :]
-        if context.last == ","
-        else context.statement
-    )
+    words = context.statement
+    if context.last == ",":
+        words = words[[w.text for w in words].index(",") + 1 :]
     if context.last in ("start", "nominal") and context.head in ELEMENTS:
         name = place.names.get(context.blocks[-1][1].text)
         readable = list(_readable(place, name, place.home)) if name is not None else []

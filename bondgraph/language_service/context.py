@@ -73,7 +73,9 @@ def context_at(text: str, at: int) -> Context:
                 return Context(tuple(blocks), tuple(statement), Word("name", "", at), tuple(brackets), True)
         elif kind == "newline" or match[0] == ";":
             in_line = match[0] == "\n" and (
-                brackets or _goes_on(statement) or _BEGINS_AS_BEFORE.match(text, match.end(), at)
+                brackets
+                or (statement and statement[-1].text in _GOES_ON)
+                or _BEGINS_AS_BEFORE.match(text, match.end(), at)
             )
             if not in_line:
                 statement, brackets = [], []
@@ -86,10 +88,6 @@ def context_at(text: str, at: int) -> Context:
             _bracket(match[0], statement, brackets)
             statement.append(word)
     return _typed(blocks, statement, brackets, at)
-
-
-def _goes_on(statement: list[Word]) -> bool:
-    return bool(statement) and statement[-1].text in _GOES_ON
 
 
 def _bracket(sign: str, statement: list[Word], brackets: list[int]) -> None:

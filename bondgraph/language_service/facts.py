@@ -124,14 +124,8 @@ def stroke_lines(
             yield f"`{row.bond}`: {row.why}"
         derivative = [end for end in compilation.causal.derivative if end.node == node]
         if derivative:
-            row_of = next(
-                (
-                    d
-                    for d in why.derivative
-                    if d.storage.partition(".")[0] == graph.nodes[node].name or d.storage == graph.nodes[node].name
-                ),
-                None,
-            )
+            owner = graph.nodes[node].name
+            row_of = next((d for d in why.derivative if owner in (d.storage, d.storage.partition(".")[0])), None)
             yield f"derivative form{': ' + row_of.why if row_of is not None else ''}"
         elif getattr(graph.nodes[node], "stored", ()):
             yield "integral form: it has a state"

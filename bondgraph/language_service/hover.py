@@ -61,11 +61,9 @@ def _word_text(word: str) -> str:
 
 def _domain_text(word: str) -> str:
     domain = DOMAINS.get(word)
-    return (
-        ""
-        if domain is None
-        else f"**{word}**, a domain\n\n{domain_line(domain, 'efqp' if domain.letters[3] else 'efq')}"
-    )
+    if domain is None:
+        return ""
+    return f"**{word}**, a domain\n\n{domain_line(domain, 'efqp' if domain.letters[3] else 'efq')}"
 
 
 def _lines(workspace: Workspace, path: Path, occurrence: NameUse, survey: FileSurvey) -> Iterator[str]:

@@ -18,7 +18,7 @@ def import_suggestions(workspace: Workspace, path: Path, context: Context) -> It
     words = [w.text for w in context.statement]
     if "from" in words or context.is_silent:
         yield from (
-            Suggestion(p.stem, "library", _first_line(workspace, p))
+            Suggestion(p.stem, "library", first_text(workspace.project.document(p).tree.statements))
             for p in sorted(LIBRARY.glob("*.bg"))
             if not context.is_silent
         )
@@ -59,11 +59,8 @@ def import_edits(document: EditedFile, name: str, library: str) -> tuple[TextEdi
             return (TextEdit(TextPlace(document.path, at, at), f", {name}"),)
     at = document.text.find("\n", imports[-1].span.offset) + 1 if imports else 0
     if imports and not at:
-        return (
-            TextEdit(
-                TextPlace(document.path, len(document.text), len(document.text)), f"\nimport {name} from {library}\n"
-            ),
-        )
+        last = len(document.text)
+        return (TextEdit(TextPlace(document.path, last, last), f"\nimport {name} from {library}\n"),)
     return (TextEdit(TextPlace(document.path, at, at), f"import {name} from {library}\n" + "\n" * (not imports)),)
 
 
@@ -92,7 +89,3 @@ def _text(model: tree.ModelSyntax) -> str:
     text = first_text(model.statements)
     ports = [f"`{n.name}`: {n.type} {n.description}".strip() for n in table_of(model).values() if n.kind == "port"]
     return "\n\n".join(filter(None, [text, ", ".join(ports)]))
-
-
-def _first_line(workspace: Workspace, path: Path) -> str:
-    return first_text(workspace.project.document(path).tree.statements)

@@ -17,17 +17,14 @@ _MARK = re.compile(r'"[^"\n]*"|#[^\n]*|[{}\[\]()]')
 def outline(workspace: Workspace, path: Path) -> list[OutlineNode]:
     """Return the models, functions and constants of a file, with what they declare."""
     document = workspace.project.document(path)
-    ends = _ends(document.text)
+    # the place behind the partner of each opening brace; the end of the text for one that is never closed
+    ends = {start: end for start, end, mark in _pairs(document.text) if mark == "{"}
     nodes: list[OutlineNode] = []
     for statement in document.tree.statements:
         match statement:
             case tree.ModelSyntax():
-                children = _children(statement, ends)
-                nodes.append(
-                    _node(
-                        statement.name, "model", first_text(statement.statements), statement.name_span, ends, children
-                    )
-                )
+                detail, children = first_text(statement.statements), _children(statement, ends)
+                nodes.append(_node(statement.name, "model", detail, statement.name_span, ends, children))
             case tree.FunctionSyntax(name=name):
                 nodes.append(_node(name, "function", "", name_span(statement.span, name), ends))
             case tree.Quantities(items=items):
@@ -57,17 +54,10 @@ def _node(
     place = place_of(span)
     whole = place
     if kind in ("model", "mechanism", "experiment"):  # up to the brace that closes it
-        whole = TextPlace(place.path, place.start, ends.get(_brace_after(span) + span.source.before[0], place.end))
+        whole = TextPlace(
+            place.path, place.start, ends.get(span.source.text.find("{", span.end) + span.source.before[0], place.end)
+        )
     return OutlineNode(name, kind, detail, whole, place, children)
-
-
-def _brace_after(span: Span) -> int:
-    return span.source.text.find("{", span.end)
-
-
-def _ends(text: str) -> dict[int, int]:
-    """Place behind the partner of each opening brace; the end of the text for one that is never closed."""
-    return {start: end for start, end, mark in _pairs(text) if mark == "{"}
 
 
 def _pairs(text: str) -> Iterator[tuple[int, int, str]]:

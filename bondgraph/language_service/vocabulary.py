@@ -14,7 +14,6 @@ from compiler.api import (
     ELEMENTS,
     FUNCTIONS,
     MEMORIES,
-    SOLVERS,
     TABLE_USAGES,
     VECTORS,
     attributes_of,
@@ -158,11 +157,6 @@ def _attributes() -> tuple[str, ...]:
     for step in ANALYSIS_STEPS.values():
         words += [*(name for name, _, _ in step.counts), *step.truths, *step.named]
     return tuple(dict.fromkeys(words))
-
-
-def solver_names() -> tuple[str, ...]:
-    """Names of integration methods."""
-    return tuple(SOLVERS)
 
 
 USAGES: Mapping[str, str] = {

@@ -56,11 +56,9 @@ class Checkpoint:
         import numpy as np
 
         past = self.past
-        return (
-            {}
-            if past is None
-            else {HISTORY: np.array(past.pieces), STARTS: np.array(past.starts), STOPS: np.array(past.stops)}
-        )
+        if past is None:
+            return {}
+        return {HISTORY: np.array(past.pieces), STARTS: np.array(past.starts), STOPS: np.array(past.stops)}
 
 
 def read_checkpoint(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Checkpoint | None:

@@ -104,15 +104,8 @@ def _column(
 
     name, own = _name_and_unit(head)
     bare = name.removeprefix(SIGMA)
-    kind = (
-        "s"
-        if bare == "time"
-        else "Hz"
-        if bare.startswith("frequency ")
-        else "1"
-        if OF_MODES.fullmatch(bare)
-        else units.get(bare)
-    )
+    of_modes = "Hz" if bare.startswith("frequency ") else "1" if OF_MODES.fullmatch(bare) else ""
+    kind = "s" if bare == "time" else of_modes or units.get(bare)
     if kind is None or not bare:
         raise UsageError(
             "BR424", f"{file}: the model has no `{bare}`; a heading is a name with its unit, as in `x [um]`"

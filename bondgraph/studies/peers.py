@@ -179,11 +179,8 @@ class _Problem:
         from scipy.integrate import solve_ivp
 
         time = self.reference.time
-        slopes = (
-            {"jac": self.equations.jacobian}
-            if method not in ("DOP853",) and hasattr(self.equations, "jacobian")
-            else {}
-        )
+        has_slopes = method != "DOP853" and hasattr(self.equations, "jacobian")
+        slopes = {"jac": self.equations.jacobian} if has_slopes else {}
         with np.errstate(all="ignore"):
             solution = solve_ivp(
                 self.equations.derivative, (time[0], time[-1]), self.start, method, time, rtol=rtol, atol=atol, args=(self.parameters,), **slopes

@@ -36,7 +36,7 @@ class Matching:
         """Start from strokes that are going to be undone."""
         for bond in bonds:
             for node in self._ends(bond):
-                if self.strokes.decides_effort(bond, node) is self._sign_at(bond, node):
+                if self.strokes.decides_effort(bond, node) is self.signs[bond][self.strokes.side(bond, node)]:
                     self._match(node, self._far(node, bond), bond)
 
     def complete(self) -> int | None:
@@ -75,9 +75,6 @@ class Matching:
         """Nodes at the ends of a bond that are vertices."""
         ends = self.graph.bonds[bond]
         return [e.node for e, sign in zip((ends.tail, ends.head), self.signs[bond], strict=True) if sign is not None]
-
-    def _sign_at(self, bond: int, node: int) -> bool | None:
-        return self.signs[bond][self.strokes.side(bond, node)]
 
     def _far(self, vertex: int, bond: int) -> int:
         """Vertex at the other end of a bond's edge from a node."""

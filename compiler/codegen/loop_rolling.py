@@ -181,7 +181,8 @@ class _Planner:
             size[number] = own
         if grown:
             owner = self._owners(ends)
-        return {number: None for number in range(len(self.order)) if owner[number] == number and self._counts(number)}
+        # an item of a solution is computed with the solution
+        return {n: None for n, node in enumerate(self.order) if owner[n] == n and node.operator != "item"}
 
     def _owners(self, ends: set[int]) -> list[int]:
         """For each operation, the root of the tree that it belongs to. An operation that two trees read is a root of its own."""
@@ -195,10 +196,6 @@ class _Planner:
                 if operand >= 0 and owner[operand] != own:
                     owner[operand] = own if owner[operand] == unknown else several
         return owner
-
-    def _counts(self, number: int) -> bool:
-        """Return False for an item of a solution, which is computed with the solution."""
-        return self.order[number].operator != "item"
 
     def _terms(self, number: int) -> list[int]:
         """Operations that a long sum adds or subtracts."""

@@ -182,18 +182,7 @@ class Hybrid(HybridNote):
     mode_at: Callable[[Array | float, Array, Array, Array], Array]
 
 
-HYBRID = (
-    "mode_start",
-    "roots",
-    "counts",
-    "triggers",
-    "values",
-    "targets",
-    "sampling",
-    "actives",
-    "conjugates",
-    "mode_at",
-)
+HYBRID = tuple(Hybrid.__annotations__)  # names of its functions
 
 
 @dataclass(frozen=True, eq=False)

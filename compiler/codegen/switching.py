@@ -46,10 +46,6 @@ ROUGH, ROUGH_HERE, ROUNDED = 1e-4, 0.1, 1e-12
 MOST_PIECES = 8  # of a function of time that is affine in pieces
 
 
-def _is_smooth(operator: str) -> bool:
-    return operator in OPERATORS and OPERATORS[operator].smooth
-
-
 class Switching:
     """Search for jumps and kinks in time.
 
@@ -76,7 +72,9 @@ class Switching:
     def has_nothing_in(self, formula: Formula, arguments: Sequence[Expression]) -> bool:
         """Return True if a law and its arguments, which are treated already, have no jump or kink in time: then nothing is replaced."""
         if formula not in self._quiet:
-            self._quiet[formula] = all(_is_smooth(node.operator) for node in operations(formula.expression))
+            self._quiet[formula] = all(
+                n.operator in OPERATORS and OPERATORS[n.operator].smooth for n in operations(formula.expression)
+            )
         self.all_quiet &= self._quiet[formula]
         return self.all_quiet and not any(self.result.dependence(a) & TIME for a in arguments)
 

@@ -186,18 +186,10 @@ def _function(operator: str) -> Callable[[Any], Any]:
         case "banded":
             return lambda values: _solved(dense(banded_shape(values), values, 0.0))
         case "item":
-            return _item
+            return lambda values: float(values[0][int(values[1])])
         case "select":  # the branch not taken may have no value
-            return _selected
+            return lambda values: values[1] if values[0] else values[2]
     return bound(value_of, operator)
-
-
-def _item(values: Sequence[Any]) -> float:
-    return float(values[0][int(values[1])])
-
-
-def _selected(values: Sequence[Any]) -> Any:
-    return values[1] if values[0] else values[2]
 
 
 def _solved(values: Sequence[float]) -> Any:

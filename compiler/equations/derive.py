@@ -146,10 +146,8 @@ class _Nodes:
         bonds = [self.bond_of[BondEnd(number, p)] for p in range(len(node.ports))]
         delayed = any(isinstance(a, Quantity) and a.name in self.graph.delays for a in node.arguments)
         for bond, own_port in zip(bonds, node.ports, strict=True):
-            sign, balanced = (
-                1 if self.graph.bonds[bond].head.node == number else -1,
-                DOMAINS[own_port.domain].is_balanced,
-            )
+            sign = 1 if self.graph.bonds[bond].head.node == number else -1
+            balanced = DOMAINS[own_port.domain].is_balanced
             port = PowerPort(node.name, node.kind.value, self.efforts[bond], self.flows[bond], sign, delayed, balanced)
             self.to.ports.append(port)
         if node.kind in STORAGES:
@@ -179,11 +177,8 @@ class _Nodes:
             implicit = found is None
             if found is None:
                 found = paired(node.law, wanted)
-            total = (
-                total_residual(node.law, wanted[0], fixed)
-                if found is not None and len(wanted) == 1 and not implicit
-                else None
-            )
+            alone = found is not None and len(wanted) == 1 and not implicit
+            total = total_residual(node.law, wanted[0], fixed) if alone else None
             self.formulas[key] = tuple(map(bind, found or ())), implicit, None if total is None else bind(total)
         bounds, implicit, total_form = self.formulas[key]
         if not bounds:
@@ -228,7 +223,7 @@ class _Nodes:
             self.to.diagnostics.append(problem)
             return
         ports = range(len(node.ports))
-        quantities = [self._stored_variable(node, p) for p in ports]
+        quantities = [self.to.reading(Reading(node.name, node.ports[p].name, node.stored[p])) for p in ports]
         variables = {"e": self.efforts, "f": self.flows}
         own = {PortVariable(p, node.stored[p]): quantities[p] for p in ports}
         own |= {
@@ -264,9 +259,6 @@ class _Nodes:
             return len(known) == len(values) and evaluate(bound.formula.expression, lambda i: known[i]) == 0.0
         except (ArithmeticError, ValueError):
             return False
-
-    def _stored_variable(self, node: Element, port: int) -> int:
-        return self.to.reading(Reading(node.name, node.ports[port].name, node.stored[port]))
 
     def _state(self, node: Element, port: int, quantity: int, rate: int, own: Mapping[PortVariable, int]) -> None:
         """Add a state; if the geometry determines the displacement already, a sum of coordinates instead."""

@@ -114,13 +114,9 @@ def _at(x: Expression, key: PortVariable, others: Mapping[PortVariable, float], 
 def _places(step: Apply, key: PortVariable, others: Mapping[PortVariable, float]) -> Iterator[float]:
     """Yield the thresholds of a step: sign changes of its root on the grid, and between two points of the grid about the extrema that its slopes show."""
     left, *rest = step.operands
-    root = (
-        call("sin", Number(math.pi) * left)
-        if step.operator in WHOLE
-        else left
-        if step.operator == "atan2" or not rest
-        else left - rest[0]
-    )
+    root = left if step.operator == "atan2" or not rest else left - rest[0]
+    if step.operator in WHOLE:
+        root = call("sin", Number(math.pi) * left)
     forms = [root]
     while len(forms) < ORDERS and step.operator not in WHOLE and forms[-1] != ZERO:
         forms.append(derivative(forms[-1], Symbol(key)))

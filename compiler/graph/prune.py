@@ -220,11 +220,9 @@ def _without_ports(node: Element, removed: set[int]) -> Element:
     renumbered = {old: new for new, old in enumerate(p for p in range(len(node.ports)) if p not in removed)}
 
     def own(symbol: Symbol) -> Expression:
-        return (
-            Symbol(PortVariable(renumbered[symbol.key.port], symbol.key.variable))
-            if isinstance(symbol.key, PortVariable)
-            else symbol
-        )
+        if not isinstance(symbol.key, PortVariable):
+            return symbol
+        return Symbol(PortVariable(renumbered[symbol.key.port], symbol.key.variable))
 
     equations = tuple(
         (substitute(left, own), substitute(right, own))

@@ -238,12 +238,9 @@ def _transformer_law(graph: BondGraph, node: Element, variable: str) -> Transfor
 
 def _present(graph: BondGraph, argument: object) -> float:
     """Value of an argument before the run; for any other one a number that cancels with none."""
-    value = (
-        graph.quantities[argument.name].value
-        if isinstance(argument, Quantity) and argument.name in graph.quantities
-        else argument
-    )
-    return value if isinstance(value, float) else UNKNOWN
+    if isinstance(argument, Quantity) and argument.name in graph.quantities:
+        argument = graph.quantities[argument.name].value
+    return argument if isinstance(argument, float) else UNKNOWN
 
 
 def _is_ground(node: object, kind: Kind) -> bool:

@@ -197,7 +197,9 @@ class _Loop:
             if mask is None and type(node.op) in _AT:
                 place = self._place(target, self.written)
                 return [ast.Expr(_called(_AT[type(node.op)], target.value, place, value))]
-            return self._put(target, ast.BinOp(self._array(_loaded(target)), node.op, value), mask)
+            return self._put(
+                target, ast.BinOp(self._array(_at(target.value, target.slice, ast.Load())), node.op, value), mask
+            )
         place = self._place(target, self.written)
         if not isinstance(place, ast.Slice) and type(node.op) in _AT:
             return [ast.Expr(_called(_AT[type(node.op)], target.value, place, value))]
@@ -336,10 +338,6 @@ class _Loop:
 def _is_literal(node: ast.expr) -> bool:
     """Return True for a number, or the name of one."""
     return isinstance(node, ast.Constant) or (isinstance(node, ast.Name) and node.id.isupper())
-
-
-def _loaded(node: ast.Subscript) -> ast.Subscript:
-    return ast.Subscript(node.value, node.slice, ast.Load())
 
 
 def _at(base: ast.expr, place: ast.expr, context: ast.expr_context) -> ast.Subscript:

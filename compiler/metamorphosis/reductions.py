@@ -56,7 +56,8 @@ def _pieces(node: tree.SyntaxNode) -> Iterator[tree.SyntaxNode]:
     match node:
         case tree.ModelSyntax():
             yield from (replace(node, statements=s) for s in _reduced(node.statements))
-            for name in _declared(node.statements):
+            declarations = [s for s in node.statements if isinstance(s, tree.Declaration)]
+            for name in [n.name for d in declarations for n in d.names]:
                 yield replace(node, statements=tuple(_unbonded(node.statements, name)))
         case tree.LoopSyntax() | tree.MechanismSyntax():
             yield from (replace(node, statements=s) for s in _reduced(node.statements))
@@ -70,10 +71,6 @@ def _pieces(node: tree.SyntaxNode) -> Iterator[tree.SyntaxNode]:
                 yield replace(node, items=node.items[:k] + node.items[k + 1 :])
         case tree.Declaration() if node.attributes:
             yield replace(node, attributes=())
-
-
-def _declared(statements: Statements) -> list[str]:
-    return [d.name for s in statements if isinstance(s, tree.Declaration) for d in s.names]
 
 
 def _unbonded(statements: Statements, name: str) -> Iterator[tree.SyntaxNode]:

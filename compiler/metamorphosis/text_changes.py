@@ -26,7 +26,8 @@ def enclosed(
     """The model as an instance of a new one, or as an array; inputs go in, outputs come out."""
     definition = as_file(statements).models[model]
     instances = ["inner"] if copies is None else [f"inner[{j}]" for j in range(1, copies + 1)]
-    inputs = [i for i in _items(definition, "input") if i.index is None and not _reads(definition, i.value)]
+    declared = [s for s in definition.model.statements if isinstance(s, tree.Quantities) and s.role == "input"]
+    inputs = [i for s in declared for i in s.items if i.index is None and not _reads(definition, i.value)]
     passed, names = {i.name for i in inputs}, table_of(definition.model)
 
     def outer(node: tree.SyntaxNode) -> Any:
@@ -40,7 +41,7 @@ def enclosed(
         return rewrite(node, change)
 
     bindings = " { " + ", ".join(f"{i} = {i}" for i in sorted(passed)) + " }" if passed else ""
-    lines = [statement(replace(s, items=tuple(inputs)), "  ") for s in _any_quantities(definition) if inputs]
+    lines = [statement(replace(s, items=tuple(inputs)), "  ") for s in declared[:1] if inputs]
     if copies is None:
         lines.append(f"  {model} inner{bindings}")
     else:
@@ -58,16 +59,6 @@ def enclosed(
         lambda name: tuple(f"{instance}.{name}" for instance in instances),
         len(instances),
     )  # fmt: skip
-
-
-def _items(definition: ModelDefinition, role: str) -> Iterator[tree.Item]:
-    for s in definition.model.statements:
-        if isinstance(s, tree.Quantities) and s.role == role:
-            yield from s.items
-
-
-def _any_quantities(definition: ModelDefinition) -> list[tree.Quantities]:
-    return [s for s in definition.model.statements if isinstance(s, tree.Quantities) and s.role == "input"][:1]
 
 
 def _reads(definition: ModelDefinition, value: tree.ExpressionSyntax | None) -> bool:
@@ -150,10 +141,6 @@ def _bases(scene: TextScene, seed: int) -> TextChange:
     return TextChange(scene.with_statements(InBases().scaled(scene.statements)))
 
 
-def _names(scene: TextScene, seed: int) -> TextChange:
-    return TextChange(Rename(scene.statements, seed).changed(scene.model, scene.experiment))
-
-
 def _wrapped(scene: TextScene, seed: int) -> TextChange:
     return TextChange(enclosed(scene.statements, scene.model, scene.experiment, scene.outputs, None))
 
@@ -167,7 +154,10 @@ TEXT_CHANGES: dict[str, tuple[str, Callable[[TextScene, int], TextChange]]] = {
         "declarations in another order",
         lambda scene, seed: TextChange(scene.with_statements(permuted(scene.statements, seed))),
     ),
-    "names": ("other names", _names),
+    "names": (
+        "other names",
+        lambda scene, seed: TextChange(Rename(scene.statements, seed).changed(scene.model, scene.experiment)),
+    ),
     "bonds": ("one bond a line", lambda scene, seed: TextChange(scene.with_statements(exploded(scene.statements)))),
     "reversed bonds": (
         "bonds reversed with their signs",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ..algebra.expression import ZERO, Expression, add, multiply, negate
+from ..algebra.expression import Expression, add, multiply, negate
 from .kinematics import Kinematics
 from .link_state import LinkState
 from .recursion import Recursion
 from .rotations import HALF
-from .vectors import applied, cross, dot, is_null, minus, plus
+from .vectors import applied, cross, dot, is_null, plus
 
 
 def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
@@ -37,6 +37,3 @@ def _kinetic(kinematics: Kinematics, recursion: Recursion, moving: LinkState, in
         if not is_null(swept):
             terms.append(dot(kinematics.velocity(index), swept))
     return add(*terms)
-
-
-_ = ZERO, minus

@@ -167,17 +167,14 @@ def _way(
     apart = [minus(p, places[0]) for p in places[1:]]
     apart = [v for v in apart if not _is_nothing(v, places, values)]
     if not apart and not held.lines:
-        return UNIT if all(_is_point(kinematics, b) for b in moving.link.bodies) else None
+        entries = (x for b in moving.link.bodies for x in tensor_entries(kinematics.script, b))
+        return UNIT if all(x == ZERO for x in entries) else None  # the bodies are points
     ways = [*(d for _, d in held.lines), *apart]
     if not all(_is_along(ways[0], v, values) for v in ways):
         return None
     if not all(_is_thin(kinematics, b, ways[0], values) for b in moving.link.bodies):
         return None
     return (to_own(moving.basis, ways[0]),)
-
-
-def _is_point(kinematics: Kinematics, body: Body) -> bool:
-    return all(x == ZERO for x in tensor_entries(kinematics.script, body))
 
 
 def _is_singular(kinematics: Kinematics, body: Body, values: SampleValues) -> bool:

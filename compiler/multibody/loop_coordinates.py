@@ -24,12 +24,10 @@ class Leaves:
     def coordinates(self) -> dict[str, LoopCoordinate]:
         """Coordinates by letter."""
         sides, kind = self.sides, self.joint.kind
+        if self.joint.planar and kind == "hinge":
+            return {"phi": sides.turns_together(sides.plane_angle())}
         if self.joint.planar:
-            return (
-                {"phi": sides.turns_together(sides.plane_angle())}
-                if kind == "hinge"
-                else {"x": self._way(sides.slid())}
-            )
+            return {"x": self._way(sides.slid())}
         match kind:
             case "slide":
                 return {"x": self._way(sides.slid())}

@@ -23,7 +23,6 @@ from .reactions import reaction
 from .recursion import PLACES, Recursion
 from .starts import claim_starts, claimed_parts
 from .tree import Tree, bonded_joints, is_weld, spanning_tree
-from .vectors import Vector
 
 
 def mechanism_equations(
@@ -138,23 +137,19 @@ class Mechanics:
     def _locked(self, joint: Joint) -> None:
         """Readings of a joint that is locked in the position of the drawing."""
         for letter in joint.freedoms:
-            rest = (
-                self.script.constant(joint.rest[letter], f"{joint.name}.{letter} rest")
-                if letter in joint.rest
-                else ZERO
-            )
+            rest: Expression = ZERO
+            if letter in joint.rest:
+                rest = self.script.constant(joint.rest[letter], f"{joint.name}.{letter} rest")
             held = self.script.held(f"{joint.name}.{letter}", rest)
             self.result.motions[f"{joint.name}.{letter}"] = PortMotion(ZERO, rest, held)
 
     def _chord(self, chords: Chords, joint: Joint) -> Mapping[str, PortMotion]:
         if joint.kind == "free":
             return chords.free(joint, self.efforts)
-        first, second = (self._point_of(end) for end in (joint.first, joint.second))
+        first, second = (
+            self.script.place(self.mechanism.point_of(end), f"{end} at") for end in (joint.first, joint.second)
+        )
         return chords.distance(joint, (first, second), self.efforts)
-
-    def _point_of(self, end: str) -> Vector:
-        """Position of an end of a distance in the drawing: a frame's point, a body's centre, or the origin."""
-        return self.script.place(self.mechanism.point_of(end), f"{end} at")
 
     def _reactions(self) -> None:
         """Reactions of tree joints: their last link carries the second body."""

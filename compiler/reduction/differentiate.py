@@ -18,7 +18,7 @@ from ..algebra.formula import Formula, bind, over
 from ..algebra.operators import CURVES
 from ..equations.system import Assignment, Derivative, EquationSystem, Variable
 from ..errors import Diagnostic
-from .errors import DerivativeWithoutEnd, ForcedByInput, no_rate, rate_jumps, rate_without_end
+from .errors import DerivativeWithoutEnd, ForcedByInput, RateWithoutEnd, no_rate, rate_jumps
 from .jumps import jumps_of, surely
 
 HIGHEST = 6  # derivatives of derivatives; a chain of more ends nowhere
@@ -98,7 +98,7 @@ class Differentiator:
     def _without_rest(self, item: Derivative) -> Diagnostic:
         """Error for a derivative that depends on its own derivatives without end."""
         if item.quantity is None:
-            return rate_without_end(item.span)
+            return RateWithoutEnd(item.span, item.span.words)
         return DerivativeWithoutEnd(item.span, item.owner, self.variables[item.of].name)
 
     def _look_for_jumps(self, variable: int, item: Derivative) -> None:

@@ -96,8 +96,3 @@ class RateWithoutEnd(Diagnostic):
         "A force `m*der(v)` is an `I` on the same junction."
     )
     words: str
-
-
-def rate_without_end(span: Span) -> RateWithoutEnd:
-    """Error for `der` of what only its own rate decides."""
-    return RateWithoutEnd(span, span.words)

@@ -32,7 +32,8 @@ class Sums:
             self.opened[variable] = None
             expression = self.expressions.get(variable)
             if expression is not None and (_is_sum(expression) or has_constant(expression, self.members)):
-                self.opened[variable] = _bounded(self.open(expression)[0])
+                terms, _ = self.open(expression)
+                self.opened[variable] = terms if len(terms) <= LARGEST else None
         return self.opened[variable]
 
     def open(self, expression: Expression) -> tuple[Terms, bool]:
@@ -99,7 +100,3 @@ def _scaled(term: Expression) -> tuple[float, Expression]:
         case Apply(operator="multiply", operands=(Number(value), rest)):
             return value, rest
     return 1.0, term
-
-
-def _bounded(terms: Terms) -> Terms | None:
-    return terms if len(terms) <= LARGEST else None

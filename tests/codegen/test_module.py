@@ -18,7 +18,6 @@ import pytest
 from compiler.codegen.numpy.names import Identifiers
 from compiler.compilation import Compilation
 from compiler.errors import CompilationFailed
-from compiler.pipeline import compile_source
 from compiler.scene import Scene
 from compiler.source import Source
 from tests.compiling import LIBRARY, MODELS, ROOT, Running, compiled
@@ -326,12 +325,6 @@ class TestNumbers:
             time, _, inputs, constants, mode = running.arguments(0.0, None, None)
             both = running.program.output(time, np.array([[0.0], [2.0]]), inputs, constants, mode)
         assert both.tolist() == [[0.0, 0.0], [0.5, float(np.log(2.0))]]
-
-
-@pytest.mark.parametrize("name", ["oscillator", "four_bar", "rectifier", "manipulator"])
-def test_the_pipeline_read_aloud_writes_the_same_program(name: str) -> None:
-    made = compiled(MODELS / f"{name}.bg")
-    assert compile_source(made.source, made.scene, LIBRARY).source == made.program.source
 
 
 def test_a_storage_behind_a_junction_that_is_off_has_no_line() -> None:

@@ -11,11 +11,8 @@ from compiler.api import Bytes, Ints, Record, record_of
 from .instance import ERROR, OK, FmuInstance
 
 BEFORE = 4  # words before an instance
-LOGGER, ENVIRONMENT, NAME = (
-    -4,
-    -3,
-    -2,
-)  # their places: function for messages, what the importer wants to have back, name of the instance
+# their places: function for messages, what the importer wants to have back, name of the instance
+LOGGER, ENVIRONMENT, NAME = -4, -3, -2
 HEAD = 3  # words of a model before the image
 MAKES_STEPS, MESSAGE = (record_of(FmuInstance).place(name) for name in ("makes_steps", "message"))
 

@@ -112,12 +112,8 @@ def _things(model: DiagramModel, layout: DiagramLayout) -> list[tuple[str, Recta
     """Return all placed parts with their instance: nodes with their names, bonds and signals between them."""
     found = []
     for number, node in enumerate(model.nodes):
-        found.append(
-            (
-                node.inside if node.shape != "box" or node.inside else "\0",
-                rectangles(node_rectangles(node, number, layout)),
-            )
-        )
+        home = node.inside if node.shape != "box" or node.inside else "\0"
+        found.append((home, rectangles(node_rectangles(node, number, layout))))
     for number, line in enumerate(model.lines):
         homes = {model.nodes[n].inside for n in line.ends}
         if len(homes) == 1:
@@ -126,7 +122,9 @@ def _things(model: DiagramModel, layout: DiagramLayout) -> list[tuple[str, Recta
         signal = model.signals[number]
         home = model.nodes[signal.target].inside
         if signal.source is None:
-            found.append((home or "\0", joined(_way(way), _text(signal.label, layout.texts[number]))))
+            x, y = layout.texts[number]
+            label = rectangles([text_rectangle(signal.label, x, y + 4, "middle")])
+            found.append((home or "\0", joined(_way(way), label)))
         elif model.nodes[signal.source].inside == home:
             found.append((home or "\0", _way(way)))
     return found
@@ -146,7 +144,3 @@ def _crossing(model: DiagramModel, layout: DiagramLayout, instance: str) -> Iter
 
 def _way(way: Sequence[tuple[float, float]]) -> Rectangles:
     return joined(NOTHING, *(lane(a, b, 7.0) for a, b in pairwise(way)))
-
-
-def _text(text: str, point: tuple[float, float]) -> Rectangles:
-    return rectangles([text_rectangle(text, point[0], point[1] + 4, "middle")])

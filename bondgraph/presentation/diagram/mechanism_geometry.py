@@ -126,11 +126,8 @@ def reference_of(graph: BondGraph, node: MechanismNode) -> ReferenceMechanism:
         place, held = vector(item.position), tuple(points[item.name])
         centre = held[0] if place == ORIGIN and len(held) == 1 else place
         rims = [rim_of(graph, j) for j in joints if j.kind == "wheel" and mechanism.body_of(j.second) == item.name]
-        bodies.append(
-            ReferenceBody(
-                item.name, place, centre, held, vector(item.turn), tuple(line for rim in rims for line in rim)
-            )
-        )
+        outlines = tuple(line for rim in rims for line in rim)
+        bodies.append(ReferenceBody(item.name, place, centre, held, vector(item.turn), outlines))
     for joint in joints:
         first, second = ends_of(joint)
         if joint.name in floating:

@@ -109,12 +109,8 @@ def _runs(data: dict[str, Any]) -> Iterator[Html]:
 
 
 def _equations(model: AnalysedModel, sources: list[Source]) -> Html:
-    return tag(
-        "details",
-        tag("summary", "in the order in which they are computed"),
-        equations_markup(model.with_inputs().state_space, sources),
-        open=True,
-    )
+    summary = tag("summary", "in the order in which they are computed")
+    return tag("details", summary, equations_markup(model.with_inputs().state_space, sources), open=True)
 
 
 def _or_problem(made: Callable[[], Html]) -> Html:

@@ -59,11 +59,8 @@ def _equations(space: StateSpace) -> Iterator[tuple[Html, Span, str]]:
         else:
             yield math(named(step.target), sign("="), written(step.expression)), step.span, ""
     for state in space.states:
-        rate = tag(
-            "mfrac",
-            tag("mi", "d", mathvariant="normal"),
-            tag("mrow", tag("mi", "d", mathvariant="normal"), tag("mi", "t")),
-        )
+        d = tag("mi", "d", mathvariant="normal")
+        rate = tag("mfrac", d, tag("mrow", d, tag("mi", "t")))
         start = f"{state.start:.6g}" if isinstance(state.start, float) else space.variables[state.start].name
         yield math(rate, named(state.variable), sign("="), named(state.rate)), state.span, f"starts at {start}"
 

@@ -37,12 +37,8 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
             told = Html(_errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
         outcome = run(watched.model, RunRequest(name, settings or {}))
-        return {
-            "name": name,
-            "kind": "told",
-            "told": tag("pre", outcome.summary()),
-            **outcome_plot(watched.model, outcome),
-        }
+        told = tag("pre", outcome.summary())
+        return {"name": name, "kind": "told", "told": told, **outcome_plot(watched.model, outcome)}
     except PROBLEMS as problem:
         return {"name": name, "kind": "failed", "told": tag("pre", str(problem))}
 

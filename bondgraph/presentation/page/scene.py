@@ -90,13 +90,8 @@ def _solid(graph: BondGraph, body: Body) -> dict[str, Any] | None:
     moments, axes = np.linalg.eigh(tensor)
     if moments[1] - moments[0] > ALIKE * moments[2]:  # two equal moments come first
         moments, axes = moments[[1, 2, 0]], axes[:, [1, 2, 0]]
-    around = (
-        0
-        if moments[1] - moments[0] > ALIKE * moments.max()
-        else 3
-        if abs(moments[2] - moments[0]) <= ALIKE * moments.max()
-        else 2
-    )
+    alike = ALIKE * moments.max()
+    around = 0 if moments[1] - moments[0] > alike else 3 if abs(moments[2] - moments[0]) <= alike else 2
     squares = np.maximum(1.5 / mass * (moments.sum() - 2 * moments), 0.0)
     squares[:around] *= {0: 1.0, 2: 4 / 3, 3: 5 / 3}[around]
     frame = quaternion(numbers_of(graph, body.turn))

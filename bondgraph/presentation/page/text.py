@@ -31,14 +31,13 @@ def _file(number: int, source: Source) -> Html:
     lines = source.text.split("\n")
     if lines and not lines[-1]:
         lines.pop()
-    listing = tag("ol", *(_line(number, i, line) for i, line in enumerate(lines[:LONGEST], 1)), class_="listing")
+    rows = (
+        tag("li", tag("code", *_pieces(line)), data_at=f"{number}:{i}") for i, line in enumerate(lines[:LONGEST], 1)
+    )
+    listing = tag("ol", *rows, class_="listing")
     more = [tag("p", f"and {len(lines) - LONGEST} lines more")] if len(lines) > LONGEST else []
     name = PurePath(source.name).name
     return tag("details", tag("summary", tag("code", name)), listing, *more, open=number == 0, class_="file")
-
-
-def _line(file: int, number: int, line: str) -> Html:
-    return tag("li", tag("code", *_pieces(line)), data_at=f"{file}:{number}")
 
 
 def _pieces(line: str) -> Iterator[str]:

@@ -68,11 +68,8 @@ def plot_comparison(comparison: CurveComparison) -> Figure:
         for place, other in enumerate(comparison.others, 1):
             if item.name in other.values:
                 points = {"linestyle": "", "marker": "o", "markersize": 3.5} if other.measured else {}
-                panel.plot(
-                    other.time * factor,
-                    other.values[item.name] * item.scale + item.offset,
-                    **curve_style(place) | points,
-                )
+                shown_values = other.values[item.name] * item.scale + item.offset
+                panel.plot(other.time * factor, shown_values, **curve_style(place) | points)
                 names.append(other.label)
         panel.set_ylabel(labelled(item.name, item.unit), parse_math=False)
         panel.margins(x=0.0, y=0.08)
@@ -126,15 +123,12 @@ def plot_energies(found: Energies) -> Figure:
     sums = {n: v for n, v in sums.items() if np.abs(v).max(initial=0.0) > 0}
     sizes = {n: float(np.abs(v).max(initial=0.0)) for n, v in found.elements.items()}
     largest = sorted((n for n in sizes if sizes[n] > 0), key=lambda n: -sizes[n])[:MOST]
-    scale, unit = _prefix(max([float(np.abs(v).max()) for v in sums.values()], default=1.0))
+    most = max([float(np.abs(v).max()) for v in sums.values()], default=1.0)
+    scale, unit = next((pair for pair in reversed(PREFIXES) if most >= pair[0]), PREFIXES[0])
     rows = (sums, {n: found.elements[n] for n in largest})
     curves = [(f"energy [{unit}]", [(n, v / scale) for n, v in row.items()]) for row in rows]
     _over_time(figure, panels, found.time, curves)
     return figure
-
-
-def _prefix(largest: float) -> tuple[float, str]:
-    return next(((s, n) for s, n in reversed(PREFIXES) if largest >= s), PREFIXES[0])
 
 
 @picture

@@ -207,17 +207,13 @@ def outcome_text(found: Outcome) -> str:
         parts = [p.summary() for p in made if p is not None]
         return "\n\n".join([*parts, *(f"warning: {visible(str(w))}" for w in found.warnings.get(0, ()))])
     names = found.names[:WIDEST]
-    units = [_column_unit(found, n) for n in names]
+    units = [visible(found.shown[n][0]) if n in found.shown else shown_unit(found.units[n]) for n in names]
     rows: list[tuple[str, ...]] = [tuple(short(n, 24) for n in names), tuple(units)]
     for line in found.table()[:LONGEST]:
         shown = [found.shown.get(n, ("", 1.0, 0.0)) for n in names]
         numbers = (f"{x * scale + offset:.7g}" for x, (_, scale, offset) in zip(line, shown, strict=False))
-        rows.append(
-            tuple(
-                found.words[n][int(x) - 1] if n in found.words else s
-                for n, x, s in zip(names, line, numbers, strict=False)
-            )
-        )
+        cells = zip(names, line, numbers, strict=False)
+        rows.append(tuple(found.words[n][int(x) - 1] if n in found.words else s for n, x, s in cells))
     text = f"{title(found.model, found.experiment, f'{len(found)} points')}\n\n{aligned(rows, '>' * len(names))}"
     left = len(found) - LONGEST
     text = f"{text}\n({left} more points; --json has all)" if left > 0 else text
@@ -232,10 +228,6 @@ def outcome_text(found: Outcome) -> str:
             f"\n\nwarnings at {len(warned)} of {len(found)} points; point {first + 1}: {visible(str(warned[first][0]))}"
         )
     return "\n\n".join([text, *map(visible, found.notes)])
-
-
-def _column_unit(found: Outcome, name: str) -> str:
-    return visible(found.shown[name][0]) if name in found.shown else shown_unit(found.units[name])
 
 
 def sensitivity_text(found: Sensitivity) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from compiler.api import LinearLoop, StateSpace, TearingVariable, to_sympy
+from compiler.api import LinearLoop, StateSpace, to_sympy
 
 from .tables import visible
 
@@ -33,7 +33,9 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
             continue
         right_side = to_sympy(step.expression, symbol)
         if step.target in unknowns:
-            rows.append((f"0 = {right_side}", f"{place} {_solved_for(space, unknowns[step.target])}"))
+            unknown = unknowns[step.target]
+            solved_for = f"solved for {space.variables[unknown.variable].name}, loop of {', '.join(unknown.members)}"
+            rows.append((f"0 = {right_side}", f"{place} {solved_for}"))
             continue
         rows.append((f"{space.variables[step.target].name} = {right_side}", place))
     for state in space.states:
@@ -44,10 +46,6 @@ def _text_lines(space: StateSpace) -> Iterator[str]:
     width = min(72, max((len(r[0]) for r in rows), default=0))
     for text, place in rows:
         yield f"{text.ljust(width)}  # {place}"
-
-
-def _solved_for(space: StateSpace, unknown: TearingVariable) -> str:
-    return f"solved for {space.variables[unknown.variable].name}, loop of {', '.join(unknown.members)}"
 
 
 def symbols_of(names: Sequence[str]) -> Callable[[int | float], Any]:

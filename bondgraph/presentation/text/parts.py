@@ -40,22 +40,15 @@ def page_text(part: LibraryPart, interface: Interface, example: str) -> str:
         ("source", part.source),
     ]
     blocks = ["\n".join([f"{part.name}, of {part.library}", *wrap(part.description, WIDTH)])]
-    blocks += (
-        ["\n".join(line for key, text in notes if text for line in _note(key, text))]
-        if any(t for _, t in notes)
-        else []
-    )
+    lines = [line for key, text in notes if text for line in _note(key, text)]
+    blocks += ["\n".join(lines)] if lines else []
     arrow = {True: "arrow in", False: "arrow out"}
     ports = [(f"  {p.name}", p.domain, arrow[p.enters], _unless_arrow(p.description)) for p in interface.ports]
     blocks += ["\n".join(["ports", aligned(ports, "<<<<")])] if ports else []
     blocks += list(_quantities(interface.quantities))
-    blocks += (
-        [
-            f"example (a file; `bondgraph library {part.name} -o example.bg` writes it, `-o example.svg` draws it)\n\n{example.rstrip()}"
-        ]
-        if example
-        else []
-    )
+    if example:
+        hint = f"`bondgraph library {part.name} -o example.bg` writes it, `-o example.svg` draws it"
+        blocks.append(f"example (a file; {hint})\n\n{example.rstrip()}")
     return "\n\n".join(blocks)
 
 

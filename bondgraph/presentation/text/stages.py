@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from compiler.api import Compilation, Mechanism, MechanismNode, write_text
@@ -12,9 +12,9 @@ from .tables import end_name, visible
 
 def stage_text(compilation: Compilation, stage: str) -> str:
     """Return the text of one stage."""
-    writers: dict[str, Callable[[Compilation], Iterator[str]]] = {
-        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction, "state_equations": _state_equations,
-        "code": _code, "text": _text,
+    writers: dict[str, Callable[[Compilation], Iterable[str]]] = {
+        "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction,
+        "state_equations": lambda c: [c.state_equations], "code": lambda c: [c.program.source], "text": lambda c: [write_text(c.whole_graph).rstrip()],
     }  # fmt: skip
     return "\n".join(visible(line) for text in writers[stage](compilation) for line in text.split("\n"))
 
@@ -142,17 +142,3 @@ def _reduction(compilation: Compilation) -> Iterator[str]:
         names = ((space.variables[v].name for v in (f.variable, f.state)) for f in space.following)
         yield "sharing a state: " + ", ".join("{} follows {}".format(*pair) for pair in names)
     yield equations_text(space, latex=False)
-
-
-def _state_equations(compilation: Compilation) -> Iterator[str]:
-    """Yield the reduced system in sympy: derivatives, residuals of loops, outputs, events."""
-    yield compilation.state_equations
-
-
-def _code(compilation: Compilation) -> Iterator[str]:
-    yield compilation.program.source
-
-
-def _text(compilation: Compilation) -> Iterator[str]:
-    """Yield the model in the language, flat."""
-    yield write_text(compilation.whole_graph).rstrip()

@@ -300,12 +300,9 @@ def _rank(slopes: Array) -> int:
 
 # ---------------------------------------------------------------- words
 def _names(given: Sequence[GivenCoordinates]) -> str:
-    names = list(
-        dict.fromkeys(
-            g.name.rpartition(".attitude.")[0] + ".attitude" if ".attitude." in g.name else g.name for g in given
-        )
-    )
-    return listed(names)
+    parts = (g.name.rpartition(".attitude.") for g in given)
+    names = (f"{body}.attitude" if mark else name for body, mark, name in parts)
+    return listed(list(dict.fromkeys(names)))
 
 
 def _shown(item: GivenCoordinates, value: float) -> str:
@@ -326,18 +323,14 @@ def _short(problem: PoseProblem, end: Followed) -> RunFailed:
     """Return the error of a path that ends before its start values."""
     given, here = problem.given, _here(problem, end.z)
     reached = ", ".join(f"`{g.name}` = {_shown(g, v)}" for g, v in list(zip(given, here, strict=True))[:4])
-    why = (
-        "there a dead centre stands between, and the mechanism turns back"
-        if end.fold
-        else "there a singular pose stands between, from which the mechanism may go on in several ways"
-    )
-    advice = (
-        "start it before that pose, or say another coordinate that leads through it"
-        if end.fold
-        else "draw it beyond that pose, on the branch that is meant"
-    )
+    if end.fold:
+        why = "there a dead centre stands between, and the mechanism turns back"
+        advice = "start it before that pose, or say another coordinate that leads through it"
+    else:
+        why = "there a singular pose stands between, from which the mechanism may go on in several ways"
+        advice = "draw it beyond that pose, on the branch that is meant"
     return RunFailed(
-        "BR739", f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:", f"{advice}",
+        "BR739", f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:", advice,
     )  # fmt: skip
 
 
@@ -407,11 +400,8 @@ def pose_problem(space: StateSpace, constraints: Constraints, claims: Claims, at
     for i in on_pose:
         claim, number = space.claims[i], claimed + len(space.moved) + i
         unit = space.variables[claim.variable].unit
-        given.append(
-            GivenCoordinates(
-                claim.element, claim.span.line, unit, claim=i, value=float(first[number] - first[i]), read=number
-            )
-        )
+        value = float(first[number] - first[i])
+        given.append(GivenCoordinates(claim.element, claim.span.line, unit, claim=i, value=value, read=number))
     given.sort(key=lambda g: g.line)
     size, length = _sizes(constraints, (*at, full), places, given, claims)
     return PoseProblem(constraints, claims, *at, full, places, size, length, tuple(given))

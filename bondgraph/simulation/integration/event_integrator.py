@@ -285,20 +285,9 @@ def pilot(problem: PhaseProblem, state: Array, stretches: Sequence[Segment], mag
     infinite if no junction goes on or off."""
     program, constants, inputs = problem.program, problem.constants, problem.inputs
     tolerances = Tolerances(PILOT, PILOT * magnitude, magnitude, np.zeros(len(state), dtype=bool))
-    stepper = EventIntegrator(
-        replace(
-            problem,
-            instants=np.array([stretches[-1].stop]),
-            tolerances=lambda: tolerances,
-            powers=None,
-            watch=ValidityMonitor(program, constants, inputs, PILOT),
-            choice=None,
-            linear=False,
-            solver="radau",
-            leaving=None,
-            extremes=None,
-        )
-    )
+    bare = replace(problem, powers=None, choice=None, linear=False, solver="radau", leaving=None, extremes=None)
+    instants, watch = np.array([stretches[-1].stop]), ValidityMonitor(program, constants, inputs, PILOT)
+    stepper = EventIntegrator(replace(bare, instants=instants, tolerances=lambda: tolerances, watch=watch))
     stepper.most_steps, stepper.most_events = PILOT_STEPS, PILOT_EVENTS
     x = np.array(state, dtype=float)
     try:

@@ -21,21 +21,16 @@ from .loops import LoopSolver, SeparateLoop
 NEARLY = 0.1  # of a correction: what further ones may add to the first
 BESIDE = 0.25  # of the way at the greatest of the last speeds: most that a step is corrected by
 LAST = 8  # knots whose speeds count
-SLIGHT, ROUNDED, RESTS = (
-    1e-6,
-    1e-9,
-    1e-12,
-)  # of an unknown: corrections that need not be small beside the way, that are rounding, and none
+# of an unknown: corrections that need not be small beside the way, that are rounding, and none
+SLIGHT, ROUNDED, RESTS = 1e-6, 1e-9, 1e-12
 HOLDS = 1e-5  # of the terms of an equation: what may be left of it
 FIRST, FEWEST, SMALLEST = 1e-6, 32, 1e-9  # steps of a segment: the first, the least number of them, and the smallest
 GAPS, SUCCESSIVE = np.array([512.0, 1.0]), 32  # in smallest steps, over which an infinite rate is passed; in a row
 SOONER, NEARER = 0.125, 0.8  # share of such a gap, and of its way, within which a solution is after it
 STEEP, SMALL = 1e-2, 1e-300  # the way to the nearest solution, as a share of that to any other; the least of any
 AHEAD = 2.0 ** np.arange(-10.0, 20.0)  # in smallest steps
-PLACES, CHANGED = (
-    np.arange(17) / 16,
-    np.log(4.0),
-)  # of a step, and the most that the logarithm of a determinant changes between two
+PLACES = np.arange(17) / 16  # of a step
+CHANGED = np.log(4.0)  # the most that the logarithm of a determinant changes between two places
 ZOOMS, MARGIN = 18, 64.0  # to the least determinant, and the factor on rounding there
 ULPS = np.finfo(float).eps * np.array([-3.0, -1.0, 0.0, 1.0, 2.0])
 

@@ -60,10 +60,6 @@ class PhaseSolution:
             return last.mode
         return mode_after(self.constraints.program, self.constraints.constants, last.stop, last)
 
-    def _within(self, segment: Segment) -> slice:
-        """Return the slice of the reported instants that lie in a segment."""
-        return slice(*self.instants.searchsorted((segment.start, segment.stop)).tolist())
-
     def output(self, times: Array | float, states: Array, mode: Array) -> Any:
         """Return the outputs at instants."""
         return self.constraints.program.output(times, states, self.constraints.inputs, self.constraints.constants, mode)
@@ -74,9 +70,9 @@ class PhaseSolution:
 
     def reported_powers(self) -> list[Any]:
         """Return the powers at the reported instants, segment by segment."""
-        parts = ((self._within(segment), segment.mode) for segment in self.segments)
         instants, states = self.instants, self.trajectory.states
-        return [self.powers(instants[p], states[p], mode) for p, mode in parts if p.start < p.stop]
+        ends = ((segment, instants.searchsorted((segment.start, segment.stop)).tolist()) for segment in self.segments)
+        return [self.powers(instants[i:j], states[i:j], segment.mode) for segment, (i, j) in ends if i < j]
 
 
 @dataclass(frozen=True, slots=True)

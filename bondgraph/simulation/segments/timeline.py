@@ -129,11 +129,8 @@ def _crossings(
     function = functions.crossings[number]
     modes = _modes(program, constants, edges) if function.moded else np.empty(0)
     kept = program.kept.setdefault("crossings", {})
-    used, key, found = kept.get(number) or (
-        functions.constants_of((function.place, max(function.slope, 0))),
-        None,
-        None,
-    )
+    places = (function.place, max(function.slope, 0))
+    used, key, found = kept.get(number) or (functions.constants_of(places), None, None)
     asked = np.asarray(constants)[used].tobytes(), np.asarray(edges).tobytes(), modes.tobytes()
     if key != asked:
         found = _searched(program, functions, number, constants, edges, modes)

@@ -104,11 +104,9 @@ class _File:
             ("int", "columns", [*(str(p[1]) for p in places), "-1"]),
         )
         data = [f"const {kind} {name}_{word}[] = {{{', '.join(items)}}};" for kind, word, items in lists]
-        jumps = (
-            f"\n   Rates jump or bend where a condition on states changes; a step must end there: {_comment(', '.join(self.jumps))}."
-            if self.jumps
-            else ""
-        )
+        jumps = ""
+        if self.jumps:
+            jumps = f"\n   Rates jump or bend where a condition on states changes; a step must end there: {_comment(', '.join(self.jumps))}."
         comment = (
             f"/* {_comment(self.lowered.space.name)}: generated from a bond graph; C11, no dependencies. All quantities are in SI.\n\n"
             f"   {name}_constants(0, 0, 0, {name}_defaults, 0, c); {name}_start(0, 0, 0, c, 0, x); {name}_switches(t, 0, 0, c, 0, mode);\n"
@@ -116,16 +114,8 @@ class _File:
             f"   {name}_columns. How many values a function writes is NAME_count. Compile without contraction of operations\n"
             f"   (-ffp-contract=off) to get the numbers of other targets.{jumps} */\n"
         )
-        return "\n".join(
-            [
-                comment,
-                "#include <math.h>\n#include <stdint.h>\n#include <stdlib.h>\n",
-                f"enum {{\n{sizes}}};\n",
-                *tables,
-                *data,
-                "",
-            ]
-        )
+        headers = "#include <math.h>\n#include <stdint.h>\n#include <stdlib.h>\n"
+        return "\n".join([comment, headers, f"enum {{\n{sizes}}};\n", *tables, *data, ""])
 
     def array(self, values: tuple[float, ...]) -> str:
         """The name of a list of numbers."""

@@ -80,13 +80,8 @@ class Writer:
         lowered = self.lowered
         parts: list[str] = []
         for heading, rows in units:
-            parts.append(
-                f"{heading} = (  # (name, SI unit)\n"
-                + "".join(f"    ({_text(n)}, {_text(u)}),\n" for n, u in rows)
-                + ")\n"
-                if rows
-                else f"{heading} = ()\n"
-            )
+            inner = "".join(f"    ({_text(n)}, {_text(u)}),\n" for n, u in rows)
+            parts.append(f"{heading} = (  # (name, SI unit)\n{inner})\n" if rows else f"{heading} = ()\n")
         defaults = ", ".join(number(lowered.space.variables[v].value) for v in lowered.parameters)
         input_defaults = ", ".join(number(lowered.space.variables[v].value or 0.0) for v in lowered.inputs)
         parts.append(f"DEFAULTS = ({defaults}{',' if lowered.parameters else ''})\n")

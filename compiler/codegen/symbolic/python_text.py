@@ -179,11 +179,8 @@ def _line_text(line: Line, printer: PythonPrinter, solve: str, place: str) -> li
         *names, last = filled(", ".join(printer.names[t] for t in line.targets))
         right = [f"    {text}" for text in filled(", ".join(map(printer.text, line.right)))]
         start = [f"{last.lstrip()} = {solve}(["] if not names else ["(", *names, last, f") = {solve}(["]
-        return (
-            [*([f"# {place}"] if place else []), *start, *rows, "    ], [", *right, "    ])"]
-            if len(right) > 1 or names
-            else [*([f"# {place}"] if place else []), *start, *rows, f"], [{right[0].lstrip()}])"]
-        )
+        end = ["    ], [", *right, "    ])"] if len(right) > 1 or names else [f"], [{right[0].lstrip()}])"]
+        return [*([f"# {place}"] if place else []), *start, *rows, *end]
     return assigned(printer.names[line.target], printer.text(line.right), place)
 
 

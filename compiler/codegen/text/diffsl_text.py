@@ -78,7 +78,11 @@ class _DiffslText:
         starts = [(entry, f"({self.printer.text(entry.value)})/{s}") for entry, s in zip(e.starts, scales, strict=True)]
         rates = [(entry, f"({self.printer.text(entry.value)})/{s}") for entry, s in zip(e.rates, scales, strict=True)]
         before = needed_lines(e.lines, (entry.value for entry in e.starts))
-        during = [line for line in needed_lines(e.lines, self._results()) if line not in before]
+        during = [
+            line
+            for line in needed_lines(e.lines, [entry.value for entry in (*e.rates, *e.outputs)])
+            if line not in before
+        ]
         return "\n".join([
             f"// {printable(e.name)}: state equations of a bond graph, in SI units",
             *self._inputs(),
@@ -90,9 +94,6 @@ class _DiffslText:
             *_vector("F_i", [text for _, text in rates]),
             *_vector("out_i", [self.printer.text(entry.value) for entry in e.outputs], [entry.name for entry in e.outputs]),
         ]) + "\n"  # fmt: skip
-
-    def _results(self) -> list[Basic]:
-        return [entry.value for entry in (*self.equations.rates, *self.equations.outputs)]
 
     def _refuse(self) -> None:
         """Raise `CompilationFailed` for what the language does not have."""

@@ -38,17 +38,13 @@ FACTOR = re.compile(r"([*/]?)(1|[A-Za-z]+(?:\^-?\d+)?)")  # of a unit
 def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
     """Text of the model. Raises `CompilationFailed` for what flat Modelica, or the order of its events, cannot hold."""
     equations = formulate(space, descriptions)
-    problems = [NumpyAlone(span or _any_place(space), "Modelica", what) for span, what in _obstacles(equations)]
+    problems = [NumpyAlone(span or space.steps[0].span, "Modelica", what) for span, what in _obstacles(equations)]
     if problems:
         raise CompilationFailed(problems)
     return _ModelicaText(equations).text()
 
 
 TARGET = TextTarget("modelica", ".mo", write)
-
-
-def _any_place(space: StateSpace) -> Span:
-    return next(step.span for step in space.steps)
 
 
 def _obstacles(e: StateEquations) -> Iterator[tuple[Span | None, str]]:

@@ -165,15 +165,11 @@ def bind_template(template: Template, formula: Formula, lookup: Callable[[Slot],
 @lru_cache(4096)
 def _kept(formula: Formula) -> tuple[Formula, tuple[int, ...]]:
     """The formula over the slots that occur in it, and their numbers."""
-    used = tuple(sorted({s.key for s in _slots(formula.expression)}))
+    used = tuple(sorted({s.key for s in symbols(formula.expression) if isinstance(s.key, int)}))
     if used == tuple(range(formula.arity)):
         return formula, used
     renumbered = {old: new for new, old in enumerate(used)}
     return Formula(len(used), substitute(formula.expression, lambda s: Symbol(renumbered[s.key]))), used
-
-
-def _slots(x: Expression) -> list[Symbol]:
-    return [s for s in symbols(x) if isinstance(s.key, int)]
 
 
 # ---------------------------------------------------------------- numbers

@@ -57,10 +57,6 @@ def _sum(node: tree.Call, terms: Sequence[Typed]) -> Typed:
     return added(terms, node.span, f"`{node.function}` takes products")
 
 
-def _less(node: tree.Call, first: Typed, second: Typed) -> Typed:
-    return _sum(node, (first, negated(second)))
-
-
 def _dot(node: tree.Call, arguments: Sequence[Value]) -> Typed:
     a = _vector(node, arguments, 0)
     b = _vector(node, arguments, 1, (len(a),))
@@ -73,7 +69,7 @@ def _cross(node: tree.Call, arguments: Sequence[Value]) -> Value:
     b = _vector(node, arguments, 1, (len(a),))
 
     def component(i: int, j: int) -> Typed:
-        return _less(node, times(a[i], b[j], 1), times(a[j], b[i], 1))
+        return _sum(node, (times(a[i], b[j], 1), negated(times(a[j], b[i], 1))))
 
     return component(0, 1) if len(a) == 2 else (component(1, 2), component(2, 0), component(0, 1))
 

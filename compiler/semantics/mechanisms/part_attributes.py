@@ -16,7 +16,7 @@ from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, Wrong
 from ..names.part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
 from ..names.scope import STATIC_ROLES, DeclaredPart, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
-from ..resolution.conditions import known_or_later, not_negative, not_zero
+from ..resolution.conditions import known_or_later, not_zero
 from ..resolution.resolver import Resolver
 
 EXPECTED = {1: "A single number", 2: "A point (x, y)", 3: "A point (x, y, z)"}
@@ -153,9 +153,7 @@ class PartAttributes:
         """A required positive number."""
         bound = self.nonzero(name, dimension, why)
         attribute = self.needed(name)
-        values = known_or_later(
-            self.resolver, [bound], attribute.span, f"{name} of {self.part.entry.name}", not_negative
-        )
+        values = known_or_later(self.resolver, [bound], attribute.span, f"{name} of {self.part.entry.name}", list)
         if values is not None and values[0] < 0:
             what = f"The {name} of `{self.part.entry.name}` is negative"
             raise Wrong(WrongMechanism(attribute.value.span, what, why))

@@ -157,11 +157,9 @@ def _exponent(exponent: tree.ExpressionSyntax) -> Fraction | None:
 def _bracketless(factor: tree.ExpressionSyntax) -> tree.Literal | None:
     """Return the number with a unit of one symbol without brackets that a factor is, with or without a sign."""
     literal = factor.operand if isinstance(factor, tree.Negative) else factor
-    return (
-        literal
-        if isinstance(literal, tree.Literal) and literal.unit is not None and "[" not in literal.span.text
-        else None
-    )
+    if isinstance(literal, tree.Literal) and literal.unit is not None and "[" not in literal.span.text:
+        return literal
+    return None
 
 
 def unit_notes(syntax: SyntaxTree) -> Iterator[str]:

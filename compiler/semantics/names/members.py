@@ -38,10 +38,8 @@ def element_member(entry: ElementEntry, name: str, path: tree.PathSyntax) -> Sca
             return Array(f"{entry.name}.{name}", path.span, {(n,): r for n, r in enumerate(bonds, 1)})
         if row is None and name in entry.ports and entry.kind != "splitter":  # one of the junctions of a multibond
             return replace(entry, name=f"{entry.name}.{name}", ports={"": entry.ports[name]})
-        letter, allowed = (
-            name.removeprefix(entry.group),
-            stored + ("ef" if row is not None else {"0": "e", "1": "f"}.get(entry.kind, "")),
-        )
+        letter = name.removeprefix(entry.group)
+        allowed = stored + ("ef" if row is not None else {"0": "e", "1": "f"}.get(entry.kind, ""))
         ports = {p: d for p, d in entry.ports.items() if p.startswith(entry.group)}
         if row is not None and row.gives_heat and not entry.group:
             ports.popitem()  # as in its law

@@ -143,10 +143,8 @@ def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
     facts = {} if head is None else head.attrib
     step, tolerance = (float(facts.get(fact, "0")) for fact in ("stepSize", "tolerance"))
     own = step if 0 < step < inf else None
-    states, indicators = (
-        len(root.findall("ModelStructure/Derivatives/Unknown")),
-        int(root.get("numberOfEventIndicators", "0")),
-    )
+    states = len(root.findall("ModelStructure/Derivatives/Unknown"))
+    indicators = int(root.get("numberOfEventIndicators", "0"))
     return UnitDescription(
         NewNames().new(name), version, token, identifier, _text(root), own, variables,
         has_steps, tolerance if 0 < tolerance < 1 else USUAL_TOLERANCE, states, indicators,

@@ -454,12 +454,9 @@ def _walls(instance: InstanceEntry) -> list[str]:
     names = []
     for name, entry in instance.scope.entries.items():
         if _is_wall(entry):
-            names.append(f"{name}[{_first(entry)}]" if isinstance(entry, Array) else name)
+            item = f"[{', '.join(map(str, min(entry.items)))}]" if isinstance(entry, Array) else ""
+            names.append(f"{name}{item}")
     return names
-
-
-def _first(array: Array) -> str:
-    return ", ".join(map(str, min(array.items)))
 
 
 def _name(terminal: Terminal) -> str:

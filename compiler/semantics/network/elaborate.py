@@ -219,10 +219,8 @@ class Elaborator(Declarations):
                     sets = attribute
                     continue
                 if attribute.target is not None or attribute.name in bindings:
-                    words, hint = (
-                        attribute.span.text.split("=")[0].strip(),
-                        "Parameters and inputs are set once, as `name = value`.",
-                    )
+                    words = attribute.span.text.split("=")[0].strip()
+                    hint = "Parameters and inputs are set once, as `name = value`."
                     self.tell(UnknownAttribute(attribute.span, declared.name, words, hint))
                     continue
                 bindings[attribute.name] = (attribute, scope)

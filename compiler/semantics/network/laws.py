@@ -68,11 +68,8 @@ def _of_multibonds(ports: Mapping[str, Domain], variables: str, stored: str) -> 
             own = [PortVariable(n, variable) for n in numbers]
             listed = tuple(OwnVariable(o, d.dimension(variable)) for o, d in zip(own, domains, strict=True))
             letters = {d.letter(variable) for d in domains}
-            lists.update(
-                dict.fromkeys(
-                    (f"{whole}.{w}" for w in (variable, *letters) if w == variable or len(letters) == 1), listed
-                )
-            )
+            words = (variable, *letters) if len(letters) == 1 else (variable,)
+            lists |= dict.fromkeys((f"{whole}.{word}" for word in words), listed)
             if variable == stored:
                 lists[whole] = listed
     return lists

@@ -20,21 +20,15 @@ def unconnected(graph: BondGraph) -> list[Diagnostic]:
     for number, node in enumerate(graph.nodes):
         if isinstance(node, Junction):
             if BondEnd(number, 0) not in bonds:
-                result.append(
-                    WrongConnection(
-                        node.span, f"No bond reaches the junction `{node.name}`", "Connect it, or leave it out."
-                    )
-                )
+                what = f"No bond reaches the junction `{node.name}`"
+                result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
             continue
         if isinstance(node, MechanismNode):
             continue
         for port_number, port in enumerate(node.ports):
             spans = bonds.get(BondEnd(number, port_number), [])
-            name = (
-                f"{node.name}.{port.name}"
-                if port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))
-                else node.name
-            )
+            named = port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))
+            name = f"{node.name}.{port.name}" if named else node.name
             if len(spans) > 1:
                 hint = "Every port has one bond; put a 0- or 1-junction between."
                 result.append(

@@ -13,7 +13,9 @@ from ...source import Span
 from .resolver import Resolver
 
 LEAST = Number(1e-300)
-Condition = Callable[[Sequence[Expression]], Sequence[Expression]]
+Condition = Callable[
+    [Sequence[Expression]], Sequence[Expression]
+]  # from values to what must not be negative; `list`: they themselves
 
 
 def known_or_later(
@@ -34,11 +36,6 @@ def known_or_later(
 def not_zero(numbers: Sequence[Expression]) -> list[Expression]:
     """Condition that at least one value differs from zero."""
     return [_less(_squares(numbers))]
-
-
-def not_negative(numbers: Sequence[Expression]) -> list[Expression]:
-    """Condition that no value is negative."""
-    return [*numbers]
 
 
 def rising(numbers: Sequence[Expression]) -> list[Expression]:

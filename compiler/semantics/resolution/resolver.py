@@ -203,11 +203,8 @@ class Resolver(ABC):
         for reference in bound.arguments:
             if isinstance(reference, Quantity) and reference.name in self.quantities:
                 named = self.quantities[reference.name]
-                parts.append(
-                    f"{named.name} = {named.value:g} {named.unit if named.unit != '1' else ''}".strip()
-                    if named.value is not None
-                    else named.name
-                )
+                unit = f" {named.unit}" if named.unit != "1" else ""
+                parts.append(named.name if named.value is None else f"{named.name} = {named.value:g}{unit}")
         return "With " + ", ".join(parts) + "." if parts else NO_NAMES
 
     # ------------------------------------------------------------ expressions

@@ -48,10 +48,8 @@ class Guard:
             return False
         if name in LOOPBACK or name.strip("[]") == self.host:
             return True
-        return self._listens_to_all() and _is_number(name.strip("[]"))  # a stranger's name is no number
-
-    def _listens_to_all(self) -> bool:
-        return _is_number(self.host) and ipaddress.ip_address(self.host).is_unspecified
+        listens_to_all = _is_number(self.host) and ipaddress.ip_address(self.host).is_unspecified
+        return listens_to_all and _is_number(name.strip("[]"))  # a stranger's name is no number
 
 
 def _is_number(name: str) -> bool:

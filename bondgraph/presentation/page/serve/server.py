@@ -152,11 +152,8 @@ class Handler(BaseHTTPRequestHandler):
         check_headers(self.headers)
         self._check_token(self.headers.get("X-Bondgraph-Token", ""))
         limits, session = self.server.limits, self.server.session
-        body = self._body(
-            body_length(
-                self.headers, limits.text if self.path in ("/save", "/check", "/hover", "/complete") else limits.body
-            )
-        )
+        has_text = self.path in ("/save", "/check", "/hover", "/complete")
+        body = self._body(body_length(self.headers, limits.text if has_text else limits.body))
         self._respond(*answered(session, self.path, body))
 
     def _respond(self, status: int, words: str) -> None:

@@ -23,10 +23,8 @@ AGREE = 0.5  # of a change: as well do two iterations agree that show it
 SHARE = 1e-7  # of a magnitude, and of the time in which the flow moves a state by one: steps by which rounding of roots is found
 ROUNDED = NOISE / SHARE
 LATE = 32.0  # units in the last place of a time: the change of a root within it counts as zero
-CANCELLED, JUMPED = (
-    1e8,
-    1e4,
-)  # in units of the rounding of a root: less is or moves what is no rounding of terms that cancel
+# in units of the rounding of a root: less is or moves what is no rounding of terms that cancel
+CANCELLED, JUMPED = 1e8, 1e4
 CERTAIN = 4.0  # in units of the rounding of a root: a larger change shows where it goes
 INFINITE = float("inf")
 DEEPEST = 26  # most halvings of a part of a step

@@ -26,7 +26,7 @@ def interpreted(name: str, unknowns: int, sparse: int) -> Callable[..., Any]:
 def _vectorised() -> Vectorised:
     return Vectorised(__package__.rpartition(".")[0], {
         factors.eliminate: _eliminate, factors.eliminate_complex: _eliminate_complex, factors.back: _back,
-        factors.back_complex: _back_complex, factors.is_negative: _is_negative,
+        factors.back_complex: _back_complex, factors.is_negative: lambda f: int(f.solved.negative),
         sparse.real_factors: _real_factors, sparse.complex_factors: _complex_factors, sparse.real_back: _back,
         sparse.complex_back: _back_complex,
     })  # fmt: skip
@@ -41,10 +41,6 @@ def _eliminate(f: Any) -> bool:
 def _eliminate_complex(f: Any) -> bool:
     f.solved_complex = dense((f.re + 1j * f.im).reshape(f.n, f.n))
     return f.solved_complex is not None
-
-
-def _is_negative(f: Any) -> int:
-    return int(f.solved.negative)
 
 
 def _back(f: Any, x: Array) -> None:

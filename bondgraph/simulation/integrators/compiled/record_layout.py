@@ -189,11 +189,8 @@ class RecordBatch:
 
     def call(self, source: str, rows: Any, number: int = 0) -> Any:
         """Call a function of the source on the records of these rows, one after another; return its answers, shape (rows,)."""
-        answers, step, records = (
-            np.zeros(len(rows), dtype=np.int64),
-            function_address(source),
-            address_of(self._numbers),
-        )
+        answers = np.zeros(len(rows), dtype=np.int64)
+        step, records = function_address(source), address_of(self._numbers)
         each = called("each_record", None, POINTER, WHOLE, POINTER, WHOLE, POINTER, WHOLE, POINTER)
         for first in range(0, len(rows), UNINTERRUPTED):
             some, found = np.array(rows[first : first + UNINTERRUPTED], dtype=np.int64), answers[first:]
