@@ -68,6 +68,9 @@ EXAMPLES = {name: example for commands in GROUPS.values() for name, example in c
 COMMANDS = tuple(sorted(EXAMPLES))
 # Modules with several commands; each other command has a module of its name.
 SHARED = {
+    "texts": ("fmt", "new"),
+    "pictures": ("draw", "plot", "report"),
+    "editors": ("editor", "lsp"),
     "stages": ("causality", "certificate", "compile", "equations", "explain", "show"),
     "analyses": tuple(GROUPS["Analyses"]),
     "studies": ("benchmark", "fit", "montecarlo", "stress", "sweep"),

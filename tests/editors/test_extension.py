@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from bondgraph.commands import commands
-from bondgraph.commands.editor import EDITORS
+from bondgraph.commands.editors import EDITORS
 from bondgraph.editors.configurations import CONFIGURATIONS
 from bondgraph.editors.extension import SOURCES
 from tests.compiling import ROOT

@@ -1,7 +1,8 @@
-"""`bondgraph editor`."""
+"""Commands for editors: what an editor needs to know the language, and the language server."""
 
 from __future__ import annotations
 
+import gc
 import shlex
 import sys
 
@@ -19,7 +20,7 @@ EDITORS = ("vscode", "neovim", "helix", "emacs", "zed", "textmate", "pygments")
 @click.option(
     "--command", "words", metavar="COMMAND", help="Start the server so, instead of by the Python that runs this."
 )
-def command(editor: str, out: str | None, words: str | None) -> None:
+def editor_(editor: str, out: str | None, words: str | None) -> None:
     """Write what an editor needs to know the language: an extension, colours, or a configuration that starts `bondgraph lsp`."""
     from ..files import replacing, write_text
 
@@ -51,3 +52,24 @@ def _words(text: str) -> list[str]:
     if not words:
         raise click.UsageError('--command is empty; for example --command "bondgraph lsp"')
     return words
+
+
+@click.command("lsp")
+@click.option("--stdio", is_flag=True, help="Speak over standard input and output, as it does anyway.")
+def lsp(stdio: bool) -> None:
+    """Serve an editor: errors as you type, completion, texts about what is under the cursor, renaming, formatting.
+
+    An editor starts it, as the server of files that end in `.bg`.
+    """
+    from ..errors import MissingPackage
+
+    try:
+        from ..language_server.server import serve
+    except ModuleNotFoundError as missing:
+        if (missing.name or "").partition(".")[0] not in ("pygls", "lsprotocol"):
+            raise
+        raise MissingPackage(
+            "BR690", "the language server needs pygls 2:", 'pip install "bondgraph-lang[lsp]"'
+        ) from missing
+    gc.enable()
+    serve()

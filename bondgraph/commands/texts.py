@@ -1,19 +1,35 @@
-"""`bondgraph fmt`."""
+"""Commands that write texts of models: a first one, and formatted ones."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import click
 
 from .error_reporting import WRONG, harmless
-from .options import file_or_text
+from .options import check_target, file_or_text
+
+
+@click.command("new")
+@click.argument("file", metavar="NAME.bg")
+def new(file: str) -> None:
+    """Write a first model to start from; an existing file is never touched."""
+    from ..files import write_text
+    from ..starter import starter_text
+
+    path = Path(file)
+    check_target(file, (".bg",), "new")
+    if path.exists():
+        raise click.UsageError(f"`{file}` exists already; choose another name")
+    write_text(path, starter_text(path.stem))
+    click.echo(f"wrote {harmless(file)}; try: bondgraph run {harmless(file)}")
 
 
 @click.command("fmt")
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @click.option("--check", "only_check", is_flag=True, help="Write nothing; exit 1 if a file would change.")
-def command(files: Sequence[str], only_check: bool) -> None:
+def fmt(files: Sequence[str], only_check: bool) -> None:
     """Format files; comments, blank lines and columns stay. `-` is standard input, whose text goes to standard output."""
     from compiler.api import Source, format_text, read_source
 

@@ -1,11 +1,14 @@
-"""`bondgraph draw`."""
+"""Commands of pictures and pages: of a model, of a mechanism in a pose, of results."""
 
 from __future__ import annotations
+
+import json
+from collections.abc import Sequence
 
 import click
 
 from .error_reporting import problems_told
-from .options import check_target, file_argument, load, load_shown, model_option, written
+from .options import PICTURES, check_target, file_argument, load, load_shown, model_option, written
 
 WIDE = 5000  # px: what no screen and no paper shows
 
@@ -27,7 +30,7 @@ WIDE = 5000  # px: what no screen and no paper shows
 @click.option("--mechanism", metavar="NAME", help="This mechanism instead, with bodies, joints, springs.")
 @click.option("--at", metavar="TIME", help="The mechanism at this time of a run; else as it is described.")
 @model_option
-def command(
+def draw(
     file: str, out: str, experiment: str | None, mechanism: str | None, at: str | None, model: str | None, **shown: bool
 ) -> None:
     """Draw the bond graph (half arrows, causal strokes, signals), or a mechanism in a pose."""
@@ -44,3 +47,41 @@ def command(
             if max(figure.width, figure.height) > WIDE:
                 told = "" if shown["closed"] else "; with --closed instances are boxes"
                 click.echo(f"note: the picture has {figure.width:g} x {figure.height:g} px{told}", err=True)
+
+
+@click.command("plot")
+@click.argument("files", metavar="R.npz [OTHER.npz|DATA.csv]...", nargs=-1, required=True)
+@click.option("-o", "--out", metavar="X.png", help="Draw them (.png, .svg or .pdf).")
+@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON (schema bondgraph-comparison/1).")
+def plot(files: Sequence[str], out: str | None, as_json: bool) -> None:
+    """Draw the result of a run from its file, beside other results and measured data, and tell the differences."""
+    from ..results.archive import read_result
+    from ..studies.comparison import compare
+
+    if out is not None:
+        check_target(out, PICTURES, "--out")
+    first, *others = files
+    run = read_result(first)
+    comparison = compare(run, *others)
+    if out is not None:
+        (comparison if others else run).plot(out)
+    if as_json:
+        click.echo(json.dumps(comparison.to_json(), indent=2))
+    else:
+        click.echo(comparison.summary() if others else run.summary())
+
+
+@click.command("report")
+@file_argument
+@click.option(
+    "-o", "--out", required=True, metavar="PAGE.html|-", help="The file to write; `-` is the standard output."
+)
+@model_option
+def report(file: str, out: str, model: str | None) -> None:
+    """Write a page of a model: its text, its bond graph, equations, and all its runs, to look at in a browser."""
+    from ..files import write_text
+    from ..presentation.page import report_text
+
+    with written(out, ".html") as path:
+        check_target(path, (".html", ".htm"), "--out")
+        write_text(path, report_text(load_shown(file, model)))
