@@ -182,7 +182,8 @@ class Hybrid(HybridNote):
     mode_at: Callable[[Array | float, Array, Array, Array], Array]
 
 
-HYBRID = tuple(Hybrid.__annotations__)  # names of its functions
+# names of its functions in a program, where `start` is that of the states
+HYBRID = ("mode_start", *(name for name in Hybrid.__annotations__ if name != "start"))
 
 
 @dataclass(frozen=True, eq=False)
