@@ -11,12 +11,10 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import OfModel, Summarised, draw
+from ..rendering import OfModel, Plotted, Summarised
 from ..results.json_values import as_json, entries, finite, head
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from .identify import Direction, Explanation
     from .measured import Series
 
@@ -38,7 +36,7 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(OfModel, Summarised):
+class Fit(OfModel, Summarised, Plotted):
     """Result of a fit; `found["d"]` is a fitted value in SI.
 
     `squares`: sum of squared residuals over sigma; `freedom`: number of data minus number of parameters; `scatter`: squares over degrees of freedom.
@@ -104,7 +102,3 @@ class Fit(OfModel, Summarised):
         }
         names = {f"series {i}": f"{s.name} [{s.unit}] of {s.file}" for i, s in enumerate(self.series, 1)}
         write_columns(path, columns, dict.fromkeys(columns, "1"), "datum", {"model": self.model, **names})
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Plot computed over measured values, one panel for each quantity. Raises as `Result.plot`."""
-        return draw(self, path)

@@ -13,7 +13,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
-from ..rendering import OfModel, Summarised, draw
+from ..rendering import OfModel, Plotted, Summarised, draw
 from ..results.exports import Arrays, Exported
 from ..results.json_values import as_json, entries, head
 
@@ -38,7 +38,7 @@ class Swing:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MonteCarlo(OfModel, Summarised, Exported):
+class MonteCarlo(OfModel, Summarised, Plotted, Exported):
     """Sample `samples` (n, k) of `parameters`, `values` (n, m) of `quantities`, in SI and Hz; NaN for failed points, with reasons in `failures`.
 
     `distributions` as texts with numbers in SI; `indices` is None if there are none (with the reason in `notes`). `found("frequency 1")` is a column.
@@ -123,10 +123,6 @@ class MonteCarlo(OfModel, Summarised, Exported):
                 p: {word: as_json(part[j]) for word, part in parts.items()} for j, p in enumerate(self.parameters)
             }
         return told
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Plot histograms of the quantities. Raises as `Result.plot`."""
-        return draw(self, path)
 
     def plot_tornado(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Plot the swing of each quantity by each parameter, the strongest on top. Raises as `Result.plot`."""
