@@ -1,7 +1,5 @@
 """`python -m bondgraph`: the command line."""
 
-from __future__ import annotations
-
 from .commands import main
 
 if __name__ == "__main__":

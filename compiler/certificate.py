@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any
 
 from .fast_dataclass import dataclass
@@ -94,11 +95,9 @@ class Certificate:
         yield "at instants", self.events
         for loop in self.loops:
             word = "linear" if loop.linear else "nonlinear"
-            solution = (
-                "one solution at most, as its laws are monotone"
-                if loop.unique
-                else "not known whether it has one solution only"
-            )
+            solution = "not known whether it has one solution only"
+            if loop.unique:
+                solution = "one solution at most, as its laws are monotone"
             yield (
                 f"{word} loop of {_count(loop.size, 'unknown')}{f' ({solution})' if loop.unique or not loop.linear else ''} through",
                 loop.members,
@@ -109,15 +108,13 @@ class Certificate:
 
     def to_json(self) -> dict[str, Any]:
         """Data for `json.dumps`: `bondgraph-certificate/1`, the fields under their own names; `unique` of a loop is null where it is not known."""
-        return {
-            "schema": SCHEMA, "model": self.model, "form": self.form, "index": self.index, "states": list(self.states),
-            "degrees_of_freedom": self.degrees_of_freedom, "dependent": list(self.dependent),
-            "loops": [{"linear": x.linear, "size": x.size, "members": list(x.members), "unique": x.unique or None} for x in self.loops],
-            "linear": self.linear, "time_varying": self.time_varying, "driven": self.driven,
-            "left_out": list(self.left_out), "unneeded": list(self.unneeded), "notes": list(self.notes),
-            "constraints": self.constraints, "redundant": list(self.redundant), "events": list(self.events),
-            "following": list(self.following), "unexcited": list(self.unexcited),
-        }  # fmt: skip
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        told = {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+        loops = [
+            {"linear": x.linear, "size": x.size, "members": list(x.members), "unique": x.unique or None}
+            for x in self.loops
+        ]
+        return {"schema": SCHEMA, **told, "loops": loops}
 
 
 def _count(number: int, noun: str) -> str:

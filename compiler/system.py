@@ -69,11 +69,9 @@ def cut(causal: CausalGraph, parts: Sequence[str]) -> System:
     for part in parts:
         if part not in graph.stands:
             names = ", ".join(f"`{n}`" for n in list(graph.stands)[:12])
-            hint = (
-                f"Its instances are {names}."
-                if names
-                else "It consists of no instances, such as `Wheel wheel`, at whose ports it could be cut."
-            )
+            hint = "It consists of no instances, such as `Wheel wheel`, at whose ports it could be cut."
+            if names:
+                hint = f"Its instances are {names}."
             raise CompilationFailed([NoPart(graph.span, part, hint)])
     return _Cutter(causal, parts).system()
 

@@ -34,11 +34,9 @@ def held_note(point: OperatingPoint, linear: bool = False) -> str:
     if linear and not any(s in bent for slope in lowered.jacobian.values() for s in symbols(slope)):
         return ""
     instant = f"t = {point.time:.6g} s"
-    what = (
-        f"slopes are those of {instant}"
-        if linear
-        else f"it would rest here if all that time moves kept its values of {instant}"
-    )
+    what = f"it would rest here if all that time moves kept its values of {instant}"
+    if linear:
+        what = f"slopes are those of {instant}"
     return f"time moves the equations: {what}; write means for pulses and oscillations, or simulate"
 
 

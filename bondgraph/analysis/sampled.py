@@ -198,9 +198,8 @@ def sampled_response(point: OperatingPoint, low: float | None, high: float | Non
         )  # fmt: skip
     values = np.linalg.eigvals(loop.matrix).astype(complex)
     poles = np.log(values[values != 0]) / loop.period
-    low = (
-        min(float(np.abs(poles).min(initial=np.inf)) / 20 / np.pi, nyquist / 100) if low is None and len(poles) else low
-    )
+    if low is None and len(poles):
+        low = min(float(np.abs(poles).min(initial=np.inf)) / 20 / np.pi, nyquist / 100)
     frequencies = frequencies_between(poles, low, nyquist if high is None else high, points)
     note = (
         f"sampled every {loop.period:g} s: the part of the outputs at the frequency of the input, up to {nyquist:g} Hz"

@@ -18,11 +18,9 @@ LIBRARY_SCHEMA = "bondgraph-library/1"
 @click.command("library")
 @click.argument("words", metavar="[WORD...]", nargs=-1)
 @click.option(
-    "-o",
-    "--out",
-    metavar="X.bg|X.svg|X.png|X.pdf|X.html|-",
+    "-o", "--out", metavar="X.bg|X.svg|X.png|X.pdf|X.html|-",
     help="Write the example of the part: its text (also `-`, the standard output), its bond graph, its page.",
-)
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON (schema bondgraph-library/1).")
 def command(words: Sequence[str], out: str | None, as_json: bool) -> None:
     """List the parts that come with bondgraph, those that all WORDs describe, or show the page of one PART."""

@@ -46,13 +46,9 @@ experiment_option = click.option(
     help="Which experiment (`none` for none); the first of the model if left out.",
 )  # fmt: skip
 settings_option = click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="NAME=VALUE",
-    shell_complete=completion.settings,
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", shell_complete=completion.settings,
     help="Set a parameter (`a=171 um`) or an input; once for each.",
-)
+)  # fmt: skip
 json_option = click.option("--json", "as_json", is_flag=True, help="Print it as JSON, in SI and Hz.")
 inputs_option = click.option(
     "--input", "inputs", multiple=True, metavar="NAME", shell_complete=completion.inputs, help="From this input, parameter or signal (several times: these)."

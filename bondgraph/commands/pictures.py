@@ -16,12 +16,8 @@ WIDE = 5000  # px: what no screen and no paper shows
 @click.command("draw")
 @file_argument
 @click.option(
-    "-o",
-    "--out",
-    required=True,
-    metavar="X.svg|X.png|X.pdf|-",
-    help="The file to write; `-` is the standard output, as SVG.",
-)
+    "-o", "--out", required=True, metavar="X.svg|X.png|X.pdf|-", help="The file to write; `-` is the standard output, as SVG."
+)  # fmt: skip
 @click.option(
     "-e", "--experiment", metavar="NAME", help="As this experiment runs it; else everything that the text says."
 )

@@ -13,25 +13,15 @@ from .options import model_option
 
 @click.command("serve")
 @click.argument("file", metavar="FILE|FOLDER", shell_complete=completion.files)
+@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="The port to listen on; any free one if left out.")  # fmt: skip
 @click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=0,
-    metavar="N",
-    help="The port to listen on; any free one if left out.",
-)
-@click.option(
-    "--host",
-    default="127.0.0.1",
-    metavar="ADDRESS",
-    help="Listen on this address instead of this machine's own: others can then look, too.",
-)
+    "--host", default="127.0.0.1", metavar="ADDRESS", help="Listen on this address instead of this machine's own: others can then look, too."
+)  # fmt: skip
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 @click.option(
-    "--playground",
-    metavar="OUT",
+    "--playground", metavar="OUT",
     help="Serve nothing: write the page of FOLDER into the folder OUT, for any web host; Python runs in the reader's browser.",
-)
+)  # fmt: skip
 @model_option
 def command(file: str, port: int, host: str, opens: bool, playground: str | None, model: str | None) -> None:
     """Show a model, or all of a folder, live in the browser: edit and save the text, see its errors, run it by sliders, compare runs. Ctrl-C ends."""

@@ -13,13 +13,7 @@ from .options import Command, jobs_option, journal_option, setting, settings_by_
 
 
 @analysis("benchmark")
-@click.option(
-    "--error",
-    type=float,
-    default=1e-6,
-    metavar="X",
-    help="The wanted error of each output relative to its magnitude (1e-6).",
-)
+@click.option("--error", type=float, default=1e-6, metavar="X", help="The wanted error of each output relative to its magnitude (1e-6).")  # fmt: skip
 @click.option("--rounds", type=click.IntRange(1), default=3, metavar="N", help="How often each run is timed (3).")
 @click.option("--alone", is_flag=True, help="Without the solvers of other programs over the same equations.")
 @click.option("--to", metavar="TIME", help="Where the run ends.")

@@ -1,7 +1,5 @@
 """Sentences by which a unit tells an importer why it refuses something; the numbers are those of `runtime/instance.py`."""
 
-from __future__ import annotations
-
 from .runtime import instance
 
 _SENTENCES = {

@@ -1,7 +1,5 @@
 """Configuration of the manual: `python -m sphinx -W -n bondgraph/manual OUT` builds it, without a network."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

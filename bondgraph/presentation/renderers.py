@@ -1,7 +1,5 @@
 """Table of renderers: the function for each kind of picture or text of each class, imported at its first use."""
 
-from __future__ import annotations
-
 RENDERERS = {
     ("Branch", "plot"): "bondgraph.presentation.plots.phase:plot_branch",
     ("Branch", "summary"): "bondgraph.presentation.text.analyses:branch_text",

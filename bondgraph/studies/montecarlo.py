@@ -169,11 +169,9 @@ def _vague_notes(told: Indices | None, names: Sequence[str], quantities: Sequenc
         if not vague:
             continue
         still = not np.isfinite(told.total_interval[i]).any()
-        why = (
-            "it does not vary but for rounding and tolerance"
-            if still
-            else f"{told.count} rows of points leave intervals that hold all shares"
-        )
+        why = f"{told.count} rows of points leave intervals that hold all shares"
+        if still:
+            why = "it does not vary but for rounding and tolerance"
         some = "no parameter" if len(vague) == len(names) else f"not {', '.join(f'`{n}`' for n in vague)}"
         notes.append(f"the shares of the variance of `{quantity}` are not determined ({some} can be told): {why}")
     return notes

@@ -1,7 +1,5 @@
 """Errors of causality: BG3xx."""
 
-from __future__ import annotations
-
 from ..errors import WordedDiagnostic
 
 

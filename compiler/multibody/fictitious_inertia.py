@@ -101,12 +101,11 @@ def _reached(
     """Mass, and inertia from the distance of the closing joint, of links that all turn about one point; None as in `measured`."""
     if joint.kind in COUPLINGS:
         return None
-    script, spans = kinematics.script, joint.kind in SPANS
-    ends = (
-        [script.place(kinematics.mechanism.point_of(e), f"{e} at") for e in (joint.first, joint.second)]
-        if spans
-        else [script.place(joint.position, f"{joint.name} at")]
-    )
+    script = kinematics.script
+    if joint.kind in SPANS:
+        ends = [script.place(kinematics.mechanism.point_of(e), f"{e} at") for e in (joint.first, joint.second)]
+    else:
+        ends = [script.place(joint.position, f"{joint.name} at")]
     mass = sum(values.of(recursion.inertias[i].mass) for i in links)
     pins = [kinematics.moving[i].origin for i in links]
     arms = [sum(values.of(a - b) ** 2 for a, b in zip(end, pin, strict=True)) for end in ends for pin in pins]

@@ -340,10 +340,12 @@ def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Ar
     there = ", ".join(f"`{problem.given[i].name}` = {_shown(problem.given[i], here[i])}" for i in off[:4])
     joint = _opened(problem, off, z)
     beginning = (
-        f"`{joint}` cannot be closed with the starts of {_names((*along.given, *items))} (line {items[0].line})"
-        if joint is not None
-        else f"the start of {_names(items)} (line {items[0].line}) cannot hold together with those of {_names(along.given)}"
+        f"the start of {_names(items)} (line {items[0].line}) cannot hold together with those of {_names(along.given)}"
     )
+    if joint is not None:
+        beginning = (
+            f"`{joint}` cannot be closed with the starts of {_names((*along.given, *items))} (line {items[0].line})"
+        )
     return RunFailed(
         "BR740", f"{beginning}: the mechanism ties them to each other, and on the branch that is drawn {there} there;",
         "leave one of them out, or draw the mechanism on the other branch",

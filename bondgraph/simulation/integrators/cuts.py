@@ -1,7 +1,5 @@
 """Check of a step cut by an event: places and quotients, see `integration/cut.py`."""
 
-from __future__ import annotations
-
 NEAR = 1e-3  # fraction of the remaining part: distance of the states of a difference quotient; EPS^(1/5), as it is of order 4
 HALVES = (0.5, 1.0)  # fractions of the remaining part at which rates are evaluated
 BACK = (0.0, -1.0, -2.0, -3.0, -4.0)

@@ -4,8 +4,6 @@ Coefficients are those of Hairer, Nørsett and Wanner, Solving ODEs I, second ed
 explain the estimate (II.10.17) and the stages of the dense output. Rows of the method's matrix are written without zeros.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 STAGES, ALL_STAGES = 12, 16  # stages of a step; with its end and the further stages of the dense output

@@ -6,8 +6,6 @@ is removed by the shortest change of the scaled state to the energy of the start
 are solved to rounding, and steps are summed with compensation, otherwise a random walk of the state would appear after 1e5 periods.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 _R15 = 15**0.5

@@ -1,7 +1,5 @@
 """Answers of the source of the steps to its callers, each with a number of its own."""
 
-from __future__ import annotations
-
 FINISHED, MORE = 0, 1  # the end is reached; the requested number of steps is made
 LOOK = 2  # the limits of the model must be checked at the left instants
 HANDOVER = 3  # other states should be integrated

@@ -8,8 +8,6 @@ IV.7, without products by J)
 The last two stages evaluate f at the result of the stage before them and its U. So does the end of the step; the last U is the estimate.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 STAGES = 8

@@ -88,11 +88,9 @@ def _reason(leaving: Leaving, has_states: bool) -> str:
         found = f"nothing that is faster rings, as what does so in {1 / leaving.decay:.3g} s decays without a turn"
     else:
         fastest, looks = frequency_text(leaving.fastest / (2 * np.pi)), leaving.looks
-        where = (
-            f"at t = {looks[0]:.6g} s"
-            if len(looks) == 1
-            else f"at the {len(looks)} instants from t = {looks[0]:.6g} s on"
-        )
+        where = f"at the {len(looks)} instants from t = {looks[0]:.6g} s on"
+        if len(looks) == 1:
+            where = f"at t = {looks[0]:.6g} s"
         found = f"nothing in it is faster, as its fastest motion is one of {fastest} {where} where it was looked at"
     return "; ".join([found, *_reasons(leaving)])
 

@@ -137,11 +137,9 @@ class Kernels:
         plan = self.plans[name]
         used = sorted({kernel.number for kernel, _ in plan.runs})
         heap = plan.work > ON_THE_STACK
-        room = (
-            f"  %work = call ptr @malloc(i64 {8 * plan.work})"
-            if heap
-            else f"  %work = alloca [{max(1, plan.work)} x double], align 16"
-        )
+        room = f"  %work = alloca [{max(1, plan.work)} x double], align 16"
+        if heap:
+            room = f"  %work = call ptr @malloc(i64 {8 * plan.work})"
         cases = [f"    i64 {number}, label %run.{number}" for number in used]
         joined = ", ".join(f"[ %after.{number}, %run.{number} ]" for number in used)
         return "\n".join(

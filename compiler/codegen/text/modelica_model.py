@@ -263,11 +263,10 @@ class _ModelicaText:
         e = self.equations
         for name, event in zip(self.conditions, e.events, strict=True):
             period, offset = event.sampling[:2] if event.sampling else (None, None)
-            words = (
-                self.just.truth(self._inlined(event.condition))
-                if period is None
-                else f"sample({self.printer.number(offset)}, {self.printer.number(period)})"
-            )
+            if period is None:
+                words = self.just.truth(self._inlined(event.condition))
+            else:
+                words = f"sample({self.printer.number(offset)}, {self.printer.number(period)})"
             yield f"  {name} = {words};  // {printable(event.words)}"
         if e.events:
             yield "  // Conditions count as false before the start; with other parameters one may hold there."
@@ -280,11 +279,8 @@ class _ModelicaText:
             for number, (name, value) in enumerate(values):
                 text = self.before.number(value)
                 yield f"  {'elsewhen' if number else 'when'} {name} then"
-                yield (
-                    f"    {self.names[target]} = {text};"
-                    if target in discretes
-                    else f"    reinit({self.names[target]}, {text});"
-                )
+                name = self.names[target]
+                yield f"    {name} = {text};" if target in discretes else f"    reinit({name}, {text});"
             yield "  end when;"
         # Modes that no event sets keep their start.
         for q in e.discretes:

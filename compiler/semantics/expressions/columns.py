@@ -84,11 +84,9 @@ def _column(node: tree.Call, sheet: Sheet, number: int) -> MeasuredColumn:
         text = word_of(cell)
         value = _number(text)
         if value is None:
-            what = (
-                f"`{text}` in {sheet.source.name}, line {cell.line}, is no number"
-                if text
-                else (f"A number is missing in {sheet.source.name}, line {cell.line}")
-            )
+            what = f"A number is missing in {sheet.source.name}, line {cell.line}"
+            if text:
+                what = f"`{text}` in {sheet.source.name}, line {cell.line}, is no number"
             hint = "Numbers have a point, not a comma, and no unit: units stand in the header."
             raise Wrong(WrongColumn(node.span, what, hint, ((cell, "this cell"),)))
         values.append(float(value) if scale is None else scale.to_si(value))

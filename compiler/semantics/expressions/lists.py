@@ -140,11 +140,9 @@ def product(first: Value, second: Value, places: tuple[Span, Span], divides: boo
     left, right = rows_of(first), rows_of(second)
     a, b = (" ".join(span.text.split()) for span in places)
     if divides:
-        hint = (
-            f"Write `solve({b}, {a})`."
-            if right and isinstance(first, tuple) and not left
-            else f"Write `{a}*inverse({b})`."
-        )
+        hint = f"Write `{a}*inverse({b})`."
+        if right and isinstance(first, tuple) and not left:
+            hint = f"Write `solve({b}, {a})`."
         raise Wrong(
             WrongType(places[1], "A single number", sort_of(second), hint if right else "A list cannot divide.")
         )
@@ -164,11 +162,9 @@ def product(first: Value, second: Value, places: tuple[Span, Span], divides: boo
     entries: list[Typed] = []
     for row in left:
         for column in columns:
-            what = (
-                f"`{a}*{b}` adds products"
-                if number
-                else f"Entry {place(len(entries), shape)} of `{a}*{b}` adds products"
-            )
+            what = f"Entry {place(len(entries), shape)} of `{a}*{b}` adds products"
+            if number:
+                what = f"`{a}*{b}` adds products"
             terms = [times(x, y, 1) for x, y in zip(row, column, strict=True)]
             entries.append(added(terms, places[0].to(places[1]), what))
     return entries[0] if number else shaped(entries, shape)

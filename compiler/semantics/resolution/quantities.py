@@ -67,11 +67,9 @@ class QuantityResolver(MemoryResolver):
             return loop
         if pending.state == "busy":
             pending.state = "broken"
-            what = (
-                "A signal depends on itself without a storage between"
-                if pending.role in ("signal", "output", "input")
-                else "These depend on each other"
-            )
+            what = "These depend on each other"
+            if pending.role in ("signal", "output", "input"):
+                what = "A signal depends on itself without a storage between"
             busy = [p.name for p in self.pending if p.state == "busy"]
             chain = [pending.name, *(name for name in busy if name != pending.name), pending.name]
             self.tell(Cycle(pending.item.span, what, " -> ".join(chain)))

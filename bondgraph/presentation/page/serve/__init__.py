@@ -1,7 +1,5 @@
 """Live page of a model: a server for this machine only, which follows the file and makes the runs that sliders request."""
 
-from __future__ import annotations
-
 from .server import Server
 from .session import Session
 

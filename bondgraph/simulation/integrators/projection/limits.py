@@ -1,7 +1,5 @@
 """Limits of the constraint projection and of the search for singular poses, the same in Python and in machine code."""
 
-from __future__ import annotations
-
 # projection
 ITERATIONS = 20
 ROUNDING = 4e-16  # relative to the size of a constraint residual: it cannot get smaller
