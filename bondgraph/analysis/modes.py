@@ -7,7 +7,7 @@ at its port: storages in derivative form count like others. A mechanism's is the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,9 +118,6 @@ class Modes(Sequence[Mode], OfModel, Summarised):
 
     def __getitem__(self, place: int | slice) -> Any:
         return self.modes[place]
-
-    def __iter__(self) -> Iterator[Mode]:
-        return iter(self.modes)
 
     @property
     def frequencies(self) -> Array:

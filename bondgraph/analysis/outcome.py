@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -109,9 +109,6 @@ class Outcome(Sequence[Point], OfModel, Summarised, Plotted, Exported):
 
     def __getitem__(self, place: int | slice) -> Any:
         return self.points[place]
-
-    def __iter__(self) -> Iterator[Point]:
-        return iter(self.points)
 
     @property
     def failures(self) -> dict[int, str]:

@@ -21,7 +21,7 @@ from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics
 from .link_state import LinkState
 from .marker import Marker
-from .vectors import NULL, Matrix, Vector, cross, is_null, matrix_of, negated, plus, summed
+from .vectors import NULL, Matrix, Vector, cross, difference, is_null, matrix_of, negated, plus, summed
 
 Row = list[Expression]  # of six
 PLACES = range(6)
@@ -363,14 +363,10 @@ def _gyroscopic(squares: tuple[Expression, ...], inertia: LinkInertia) -> Vector
     xx, yy, zz, xy, xz, yz = squares
     j = inertia.tensor
     return (
-        add(_apart(j[2][2], j[1][1]) * yz, j[1][2] * _apart(yy, zz), j[0][2] * xy, negate(j[0][1] * xz)),
-        add(_apart(j[0][0], j[2][2]) * xz, j[0][2] * _apart(zz, xx), j[0][1] * yz, negate(j[1][2] * xy)),
-        add(_apart(j[1][1], j[0][0]) * xy, j[0][1] * _apart(xx, yy), j[1][2] * xz, negate(j[0][2] * yz)),
+        add(difference(j[2][2], j[1][1]) * yz, j[1][2] * difference(yy, zz), j[0][2] * xy, negate(j[0][1] * xz)),
+        add(difference(j[0][0], j[2][2]) * xz, j[0][2] * difference(zz, xx), j[0][1] * yz, negate(j[1][2] * xy)),
+        add(difference(j[1][1], j[0][0]) * xy, j[0][1] * difference(xx, yy), j[1][2] * xz, negate(j[0][2] * yz)),
     )
-
-
-def _apart(a: Expression, b: Expression) -> Expression:
-    return ZERO if a == b else a - b
 
 
 def _blocks(m: Square) -> tuple[Matrix, Matrix, Matrix]:

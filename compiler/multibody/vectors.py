@@ -26,10 +26,11 @@ def plus(*vectors: Vector) -> Vector:
 
 def minus(a: Vector, b: Vector) -> Vector:
     """a - b; zero where both are the same."""
-    return _less(a[0], b[0]), _less(a[1], b[1]), _less(a[2], b[2])
+    return difference(a[0], b[0]), difference(a[1], b[1]), difference(a[2], b[2])
 
 
-def _less(a: Expression, b: Expression) -> Expression:
+def difference(a: Expression, b: Expression) -> Expression:
+    """a - b; zero where both are the same."""
     return ZERO if a == b else a - b
 
 
