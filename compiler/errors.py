@@ -120,10 +120,7 @@ class InternalError(Exception):
 
 def printable(text: str) -> str:
     """The text with control and bidirectional characters made visible, so that a file cannot rewrite a terminal."""
-    return "".join(
-        c if c.isprintable() or c == "\t" else f"\\u{ord(c):04x}"
-        for c in text
-    )  # fmt: skip
+    return "".join(c if c.isprintable() or c == "\t" else f"\\u{ord(c):04x}" for c in text)
 
 
 def render(item: Diagnostic) -> str:

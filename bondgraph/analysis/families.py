@@ -29,9 +29,7 @@ def scaled_system(A: Array, b: Array, scale: Array, free: Array) -> Any:
     return rows, whole / rows[:, None], np.pad(kept, ((0, 0), (0, 1)))
 
 
-def families(
-    point: OperatingPoint, A: Array, rows: Array, scale: Array, rates: Callable[[OperatingPoint], Any]
-) -> Any:  # fmt: skip
+def families(point: OperatingPoint, A: Array, rows: Array, scale: Array, rates: Callable[[OperatingPoint], Any]) -> Any:
     """Return the directions (k, n) of the states along which a point is one of a family of rests.
 
     `A`: derivatives of the free coordinates' rates by them; `rows`: the same, scaled, and the conserved sums, which tell the members of other families apart.

@@ -67,9 +67,7 @@ class PhaseSequence:
                 self.scene if preferences == self.scene.preferences else replace(self.scene, preferences=preferences)
             )
             try:
-                leg = Phase(
-                    self.made(chosen, self.energy), left, self.options, begin, companion, modes, known
-                )  # fmt: skip
+                leg = Phase(self.made(chosen, self.energy), left, self.options, begin, companion, modes, known)
             except RunFailed:
                 if legs or modes or begin is not None or companion is None or not companion.valves:
                     raise

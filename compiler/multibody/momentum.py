@@ -42,9 +42,7 @@ def _of_bodies(kinematics: Kinematics, recursion: Recursion, moving: LinkState) 
     return (h[0], h[1], h[2]), (h[3], h[4], h[5])
 
 
-def _along(
-    kinematics: Kinematics, moving: LinkState, whole: Spatial
-) -> Iterator[tuple[str, Expression, Expression]]:  # fmt: skip
+def _along(kinematics: Kinematics, moving: LinkState, whole: Spatial) -> Iterator[tuple[str, Expression, Expression]]:
     """Yield the name, the rate and the momentum of each coordinate of a link."""
     turn, push = whole
     own = zip(moving.coordinates, moving.columns, strict=False)

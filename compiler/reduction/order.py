@@ -6,9 +6,7 @@ from collections.abc import Iterable, Sequence
 from heapq import heapify, heappop, heappush
 
 
-def needed(
-    targets: Iterable[int], inputs: Sequence[Sequence[int]], known: set[int] | None = None
-) -> set[int]:  # fmt: skip
+def needed(targets: Iterable[int], inputs: Sequence[Sequence[int]], known: set[int] | None = None) -> set[int]:
     """All nodes that the targets depend on, with the targets. They are added to `known`, whose dependences are complete already."""
     seen: set[int] = set() if known is None else known
     stack = list(targets)

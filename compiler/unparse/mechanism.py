@@ -132,9 +132,7 @@ class _Parts:
     def _along(self, joint: Joint) -> str:
         """Direction of a slide in the plane, as an angle if it was drawn so."""
         angle = joint.turn[2].expression
-        by_angle = all(
-            b.expression == call(f, angle) for b, f in zip(joint.axis[:2], ("cos", "sin"), strict=True)
-        )  # fmt: skip
+        by_angle = all(b.expression == call(f, angle) for b, f in zip(joint.axis[:2], ("cos", "sin"), strict=True))
         return self.text(joint.turn[2], ONE) if by_angle else self._direction(joint.axis)
 
     def _direction(self, axis: Vector) -> str:

@@ -97,9 +97,7 @@ def phase_energy(
     after = solution.powers(stop, trajectory.final, last.mode)
     work = trajectory.work if trajectory.work is not None else np.zeros(len(before))
     arguments = _arguments(solution.constraints, space)
-    left = [
-        (solution.powers(r.time, r.before, r.mode), solution.powers(r.time, r.after, r.mode)) for r in removals
-    ]  # fmt: skip
+    left = [(solution.powers(r.time, r.before, r.mode), solution.powers(r.time, r.after, r.mode)) for r in removals]
     balance = energy_balance(space, work, before, after, arguments, trajectory.jumps, left)
     own = slice(len(space.ports), len(space.ports) + len(space.stored))  # mechanisms: energy exchanged within
     notes = _audit(solution, space, balance, float(np.abs([before[own], after[own]]).sum()), rtol)
