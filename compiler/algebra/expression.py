@@ -7,7 +7,7 @@ The constructors below fold numbers and drop zeros and ones, so terms that vanis
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeGuard
 
 from ..fast_dataclass import dataclass
@@ -318,13 +318,9 @@ def truth_of(condition: Expression) -> bool | None:
     if any(True for _ in symbols(condition)):
         return None
     try:
-        return bool(evaluate(condition, _no_symbol))
+        return bool(evaluate(condition, {}.__getitem__))
     except (ArithmeticError, ValueError):
         return None
-
-
-def _no_symbol(key: Hashable) -> float:
-    raise AssertionError(key)
 
 
 JOINING = frozenset({"abs", "sign", "sqrt", "power", "root"})  # factors that may cancel with others

@@ -145,10 +145,6 @@ class AnyTurn:
     def is_none(self) -> bool:
         return all(x == ZERO for row in self.less for x in row)
 
-    def matrix(self, script: AssignmentEmitter, name: str) -> Matrix:
-        """R."""
-        return script.matrix(f"{name}.matrix", summed(UNIT, self.less))
-
     def apply(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """R v."""
         return script.vector(name, applied(summed(UNIT, self.less), v))

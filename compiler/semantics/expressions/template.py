@@ -107,11 +107,6 @@ class Template:
     # the model's own that it calls; None where a branch that is not taken has one
     functions: tuple[tuple[str, tree.FunctionSyntax | None], ...] = ()
 
-    @property
-    def scalar(self) -> Typed:
-        assert isinstance(self.value, Typed)
-        return self.value
-
 
 # Quantity of a path, for the compiler of expressions: its dimension, or those of its items.
 @dataclass(frozen=True, slots=True)
