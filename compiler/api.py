@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from .jit.values import Choices
     from .jit.vectorise import Vectorised
     from .reduction.order import blocks
-    from .reduction.state_space import LinearLoop, StateSpace, TearingVariable
+    from .reduction.state_space import LinearLoop, StateSpace
     from .scene import (
         Analysis, BoundedParameter, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan,
         Reported, RunMetadata, Scene, Study, full_name,
