@@ -3,11 +3,13 @@
 `sqrt(x) if x > 0 else -sqrt(-x)`, `x/sqrt(abs(x))`, `x*abs(x)^-0.5` and `sqrt(max(x, 0)) - sqrt(max(-x, 0))` are one function of x, which is
 `sign(x)*sqrt(abs(x))`. Only this form has a value on both sides of its condition and at zero, so that a run can end and rest there.
 Coefficients under the root stay there: if they are negative there is no value, as in the author's text. Two sides are compared at random values.
+Roots on one side of a condition, as of a relief valve, keep to that side: at its instant rounding may leave their argument on the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
+from functools import reduce
 from itertools import combinations
 from math import isclose
 from random import Random
@@ -60,6 +62,38 @@ def _rewritten(x: Expression) -> Expression:
     form = forms.get(x.operator) if isinstance(x, Apply) else None
     other = None if form is None or not isinstance(x, Apply) else form(x)
     return x if other is None else other
+
+
+def on_its_side(x: Expression, condition: Expression, holds: bool) -> Expression:
+    """Return a branch of a choice in which `sqrt(c*(a - b))` is `sqrt(c*max(a - b, 0))` where the condition keeps a above b."""
+    match condition:
+        case Apply(operator="not", operands=(opposite,)):
+            return on_its_side(x, opposite, not holds)
+        case Apply(operator="and" | "or" as operator, operands=parts) if holds == (operator == "and"):
+            return reduce(lambda y, part: on_its_side(y, part, holds), parts, x)
+        case Apply(operator="less" | "less_equal", operands=(low, high)) if any(map(_is_root, operations(x))):
+            positive = high - low if holds else low - high
+            kept = call("max", positive, ZERO)
+            return _with_factors(x, {positive: kept, negate(positive): negate(kept)}, False)
+    return x
+
+
+def _with_factors(x: Expression, kept: Mapping[Expression, Expression], below: bool) -> Expression:
+    """Return an expression with factors below its roots replaced; `below`: it is below one."""
+    if below and x in kept:
+        return kept[x]
+    if not isinstance(x, Apply) or (below and x.operator not in ("multiply", "divide")):
+        return x
+    operands = tuple(_with_factors(o, kept, below or _is_root(x)) for o in x.operands)
+    return x if operands == x.operands else rebuild(x.operator, operands)
+
+
+def _is_root(x: Apply) -> bool:
+    """Return True if an operation has no value where its first operand is negative, or may have none."""
+    match x:
+        case Apply(operator="power", operands=(_, Number(n))):
+            return n != int(n)
+    return x.operator in ("sqrt", "power")
 
 
 def _two_sided(x: Apply) -> Expression | None:

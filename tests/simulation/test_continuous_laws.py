@@ -32,6 +32,7 @@ ROOTS = [  # law of P in Pa, with c, and its exponent
     ("{c}*sqrt(P/1 Pa) if P >= 0 Pa else 0 [m^3/s]", 0.5),
     ("{c}*sqrt(max(P, 0 Pa)/1 Pa)", 0.5),
     ("0 [m^3/s] if P <= 0 Pa else {c}*sqrt(P/1 Pa)", 0.5),
+    ("{c}*sqrt(P/1 Pa) if P > 0 Pa else -0.2*{c}*sqrt(-P/1 Pa)", 0.5),
     ("{c}*sign(P)*(abs(P)/1 Pa)^0.7", 0.7),
     ("{c}*sign(P)*(abs(P)/1 Pa)^(1/3)", 1 / 3),
     ("{c}*sign(P)*(abs(P)/1 Pa)^0.25", 0.25),
@@ -97,6 +98,75 @@ def test_a_stiff_volume_passes_the_infinite_slope_of_an_orifice(law: str, c: flo
     late = found.time - 0.5
     expected = np.where(late > 0, behind, -before) * late**2
     np.testing.assert_allclose(found["V"], expected, rtol=0, atol=1e-7 * behind)
+
+
+OPENS = [  # writings of sqrt(max(P - set, 0 Pa)/1 Pa)
+    "sqrt((P - set)/1 Pa) if P > set else 0",
+    "sqrt((P - set)/1 Pa) if P >= set and P > -set else 0",
+    "0 if not P > set else sqrt(2*(P - set)/k)",
+    "past(P - set)",
+]
+
+
+@cache
+def pressures(law: str) -> Any:
+    """Pressure of a volume with a load, a pump that pulses, and a relief valve with a law."""
+    text = f"""model Relief {{
+      parameter set = 100 bar, k = 2 Pa
+      function past(p) = (p/1 Pa)^0.5 if p > 0 Pa else 0
+      Sf pump : Q = 1e-3 [m^3/s]*(1 + sin(time/0.01 s))
+      C volume : P = V/2e-12 [m^3/Pa]
+      R relief : Q = 1e-5 [m^3/s]*({law})
+      R load : Q = 1e-7 [m^3/s]*sign(P)*sqrt(abs(P)/1 Pa)
+      0 n : hydraulic
+      pump -> n
+      n -> volume, relief, load
+      output P = volume.P
+    }}"""
+    return bondgraph.load(text).simulate(to=0.12, points=21)["P"]
+
+
+@pytest.mark.parametrize("law", OPENS)
+def test_a_relief_valve_opens_and_shuts_whatever_way_its_root_is_written(law: str) -> None:
+    """Its law has no value below its pressure, and is open at less than the rounding of the pressure, too."""
+    np.testing.assert_allclose(pressures(law), pressures("sqrt(max(P - set, 0 Pa)/1 Pa)"), rtol=1e-4)
+
+
+@pytest.mark.parametrize("law", ["sqrt(2*g*e) if e > 0 else -sqrt(-2*g*e)", "sqrt(2*g*e) if e >= 0 else 0", "sqrt(2*g*e) if e > 0 else -0.2*sqrt(-2*g*e)"])  # fmt: skip
+def test_a_pump_empties_a_tank_against_its_drain(law: str) -> None:
+    """Steps whose polynomials cross zero to and fro, by less than the tolerance, end."""
+    text = f"""plain model Tank {{
+      parameter g = 9.81
+      Sf pump : f = -0.3*sin(time)
+      C tank : q = 0.5*e {{ start e = 2 }}
+      R o : f = {law}
+      0 n : untyped
+      pump -> n
+      n -> tank, o
+      output e = tank.e
+    }}"""
+    back = {"-sqrt": -1.0, "0": 0.0, "-0.2*sqrt": -0.2}[law.split("else ")[1].split("(")[0]]
+
+    def rate(t: float, e: Any) -> Any:
+        return [2 * (-0.3 * np.sin(t) - (1.0 if e[0] > 0 else back) * np.sqrt(2 * 9.81 * abs(e[0])))]
+
+    found = bondgraph.load(text).simulate(to=4, points=21)
+    expected = solve_ivp(rate, (0, 4), [2.0], method="LSODA", rtol=1e-9, atol=1e-11, t_eval=found.time, max_step=1e-2)
+    np.testing.assert_allclose(found["e"], expected.y[0], rtol=0, atol=1e-5)
+    assert found.steps < 500
+
+
+def test_what_decays_behind_a_condition_below_the_tolerance_is_not_called_back() -> None:
+    """A stiff decay, whose polynomial crosses the condition within the tolerance; the flow does not."""
+    text = """plain model Tank {
+      C tank : q = e { start e = 1 }
+      R o : f = sqrt(e) if e > 1e-9 else e/sqrt(1e-9)
+      0(tank) -> o
+      output e = tank.e
+    }"""
+    found = bondgraph.load(text).simulate(to=3, points=31)
+    np.testing.assert_allclose(found["e"], np.maximum(1 - found.time / 2, 0) ** 2, atol=1e-6)
+    assert found.steps < 500
 
 
 def test_dry_friction_beside_a_root_stays_refused() -> None:

@@ -67,6 +67,7 @@ class Events(EventIndicators):
         self.crowded = np.zeros(len(self.places), dtype=bool)
         # first instant, s, at which a condition that only events read comes within rounding of its threshold
         self.touches: dict[int, float] = {}
+        self.again = 0  # times in a row that the flow has contradicted a zero crossing
 
     def anew(self, magnitude: Array) -> Events:
         other = super().anew(magnitude)
@@ -137,15 +138,18 @@ class Events(EventIndicators):
             self.floor[slow] = np.fmax(self.floor, self.tolerated(self.record["noise"]))[slow]
 
     def _contradict(self, at: HybridState, conditions: IntArray, floor: Array) -> None:
-        """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt.
+        """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt,
+        or, after some such crossings in a row, beyond the tolerance: the step's polynomial makes them, where a law is stiff.
 
         `floor`: before this instant; it stays where conditions change again and again at an instant, each as the rounding of the others lets it.
         """
         for number in conditions[~self.steers[conditions]]:
             self.touches.setdefault(int(number), at.time)
+        self.again = self.again + 1 if len(conditions) else 0
         again = self.log and at.time - self.log[-1].time <= SHORT * abs(at.time)
         if again or len(conditions):
-            most = BEYOND * self.evaluated(at)[1]
+            noise = self.evaluated(at)[1]
+            most = np.fmax(BEYOND * noise, self.tolerated(noise)) if self.again >= LEFT else BEYOND * noise
             least = np.minimum(floor, most) if again else np.zeros(len(most))
             least[conditions] = most[conditions]
             self.floor = np.maximum(self.floor, least)

@@ -233,7 +233,7 @@ class EventIntegrator(SegmentIntegrator):
                 if not self._are_alike(time, stop - start, both, share * allowed):
                     return False
                 if state is old:
-                    if self._contradicts(time, *both[1]):
+                    if (self._contradicts(time, *both[1]) & ~flip.conditions).any():
                         return False
                     reach = np.fmax(reach, np.abs([events.roots(time, *x) for x in both]).max(axis=0))
             limit = np.fmax(limit, self._moves(time, old, after, allowed))
@@ -246,12 +246,12 @@ class EventIntegrator(SegmentIntegrator):
         roots = self.events.roots(np.full(len(beside), time), beside, mode)
         return np.abs(roots[1:] - roots[0]).sum(axis=0)
 
-    def _contradicts(self, time: float, state: Array, mode: Array) -> bool:
-        """Return True if another condition differs from the mode because it reads the result of a changed one: a damper that acts where its spring does."""
+    def _contradicts(self, time: float, state: Array, mode: Array) -> Any:
+        """Return a mask of the conditions that differ from the mode, as they read the result of a changed one: a damper that acts where its spring does."""
         events = self.events
         roots = events.roots(time, state, mode)
         wrong = np.isfinite(roots) & (events.truth(roots) != (mode[events.places] == 1.0))
-        return bool((wrong & (np.abs(roots) > events.floor)).any())
+        return wrong & (np.abs(roots) > events.floor)
 
     def _under(self, time: float, state: Array, mode: Array) -> tuple[Any, Any]:
         """Return a state with the unknowns that belong to it under a mode, if there are any; and the mode."""
