@@ -16,8 +16,6 @@ from ..keywords import checked
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from compiler.api import StateSpace
-
     from ..analysis.symbolic import SymbolicEquations
     from ..exchange.terminals import UnitIcon
     from ..presentation.diagram.figure import Figure
@@ -104,11 +102,6 @@ class Shown(AnalysedModel):
         from ..analysis.symbolic import algebraic_equations
 
         return algebraic_equations(self.with_inputs().state_space)
-
-    @checked
-    def ordered_equations(self) -> StateSpace:
-        """Return the equations step by step, in the order of computation, with every input as a symbol."""
-        return self.with_inputs().state_space
 
     @checked
     def equations(self, latex: bool = False) -> str:
