@@ -202,7 +202,7 @@ def _is_of(value: object, kind: str, parts: tuple[str, ...]) -> bool:
         listed = isinstance(value, Iterable) and not isinstance(value, Mapping | bytes)
         return listed and (not isinstance(value, Collection) or all(_fits(x, parts[0]) for x in value))
     if kind in _SIMPLE and (trait := _SIMPLE[kind][1]):
-        return hasattr(value, trait)
+        return hasattr(value, trait) and not getattr(value, "shape", ())  # an array of one number is a list
     return kind in _OPEN or any(c.__name__ == kind for c in type(value).__mro__)
 
 

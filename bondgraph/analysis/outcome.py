@@ -136,9 +136,8 @@ class Outcome(Sequence[Point], OfModel, Summarised, Plotted, Exported):
     def table(self) -> Array:
         """Table with one row for each point, one column for each of `names`, in SI and Hz; NaN where a point has no such number."""
         rows = [dict(p.numbers()) | dict(p.settings) for p in self.points]
-        return np.array([[row.get(n, math.nan) for n in self.names] for row in rows], dtype=float).reshape(
-            len(rows), -1
-        )
+        table = [[row.get(n, math.nan) for n in self.names] for row in rows]
+        return np.array(table, dtype=float).reshape(len(rows), len(self.names))
 
     def __call__(self, name: str) -> Array:
         """Return a column of the table over the points. Raises `UsageError`."""

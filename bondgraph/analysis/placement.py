@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import Array, NotDifferentiable
+from compiler.api import Array, CompilationFailed, NotDifferentiable
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..numerics.threads import release_for
 from ..simulation.segments.units import refuse_units
-from .movable import refuse_structural
+from .movable import refuse_choice, refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint, length_of
 
 if TYPE_CHECKING:
@@ -40,7 +40,13 @@ def operating_point(
     `moved`: values of `by` in a program that was made with the author's: decisions that depend on these (coinciding parts of a mechanism, a choice
     between laws) stay unchanged. Raises `CompilationFailed`, `UsageError`, `RunFailed`.
     """
-    point = _point(model, asked, target, moved)
+    try:
+        point = _point(model, asked, target, moved)
+    except CompilationFailed:
+        choices = model.compilation(model.scene(asked.experiment, asked.settings or {})).choices if asked.by else {}
+        for name in asked.by:
+            refuse_choice(name, choices)
+        raise
     if not asked.upstream or asked.state != "equilibrium" or point.made.certificate.linear:
         return point
     try:

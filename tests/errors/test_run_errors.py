@@ -150,13 +150,14 @@ NAMED = (
     [
         (lambda m: m.simulate({"a": 2}), "BR699", "`simulate` expects as `experiment` a text, not {'a': 2}; values by name are its `settings={…}`"),
         (lambda m: m.modes(settings="a=2"), "BR699", "`settings` a dict by name whose values are each a text or a number, not 'a=2'; `help(AnalysedModel.modes)`"),
+        (lambda m: m.simulate(settings={"a": np.array([2.0])}), "BR699", "whose values are each a text or a number, not {'a': array([2.])}"),
         (lambda m: m.simulate_many({"a": [1, 2]}), "BR699", "a list whose items are each a dict by name"),
         (lambda m: m.simulate("", {}, 1, 11, None, False, False, 3), "BR696", "takes `experiment`, `settings`, `to`, `points`,"),
         (lambda m: m.sweep(), "BR697", "`sweep` needs `values`, a dict by name"),
         (lambda m: m.simulate("", experiment=""), "BR698", "gets `experiment` twice"),
         (lambda m: m.sensitivity(["n"]), "BR276", "`n` decides which parts"), (lambda m: m.linearize(["n"]), "BR276", "`sweep`"),
         (lambda m: m.continuation("n", 1, 3), "BR276", "`n`"), (lambda m: m.sensitivity_of_run(["n"]), "BR276", "`n`"),
-        (lambda m: m.sensitivity(["kind"]), "BR277", "one of the words soft, hard"), (lambda m: m.montecarlo({"kind": "uniform(1, 2)"}), "BR277", "`sweep`"),
+        (lambda m: m.sensitivity(["kind"]), "BR277", "one of the words soft, hard"), (lambda m: m.linearize(["kind"]), "BR277", "nothing between them"), (lambda m: m.montecarlo({"kind": "uniform(1, 2)"}), "BR277", "`sweep`"),
         (lambda m: m.sweep({"kind": ["soft", "thick"]}), "BR499", "`kind` cannot be `thick`; it can be soft, hard"),
     ],
 )  # fmt: skip

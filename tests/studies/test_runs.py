@@ -133,6 +133,8 @@ def test_nothing_to_run() -> None:
     assert len(found) == 0 and list(found) == []
     with pytest.raises(bondgraph.RunFailed, match="none of 0 runs"):
         found["x"]
+    swept = bondgraph.load(TEXT).sweep({"m": []})
+    assert len(swept) == 0 and swept.table().shape == (0, 1) and "0 points" in swept.summary()
 
 
 def test_settings_that_decide_more_than_numbers() -> None:
