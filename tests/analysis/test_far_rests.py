@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import bondgraph
@@ -125,3 +126,21 @@ def test_a_soft_spring_turns_far(stiffness: float) -> None:
 def test_a_large_model_has_its_slow_rest() -> None:
     """Of 239 states a drag of 1e-6 N s/m was lost beside 1e5 N/m: 1.7 % off."""
     assert rest(row(120, "F = 1e-6 [N*s/m]*v", 1e5, 10), "y", {}) == pytest.approx(1e6, rel=1e-6)
+
+
+def test_a_linear_model_that_runs_away_has_its_rest() -> None:
+    """One step of Newton's method from the start, beside numpy; where the matrix is singular or something drifts there is none."""
+    row, random = " signal x{0} = integral({1}, 0)\n output y{0} = x{0}\n", np.random.default_rng(3)
+    for count in (1, 2, 4):
+        A, b = random.standard_normal((count, count)) + np.eye(count), random.standard_normal(count)
+        sums = [" + ".join([*(f"({A[i, j]:.17g})*x{j}" for j in range(count)), f"({b[i]:.17g})"]) for i in range(count)]
+        text = "plain model A {\n" + "".join(row.format(i, sums[i]) for i in range(count)) + "}"
+        found = bondgraph.load(text).equilibrium()
+        np.testing.assert_allclose(list(found.outputs.values()), -np.linalg.solve(A, b), rtol=1e-12)
+        assert found.verdict.stable is False
+    for rates in ("x - y, 1", "x + 1, x + 2"):
+        first, second = rates.split(", ")
+        with pytest.raises(bondgraph.RunFailed):
+            bondgraph.load(
+                f"plain model A {{ signal x = integral({first}, 0)\n signal y = integral({second}, 0)\n output o = y }}"
+            ).equilibrium()

@@ -20,7 +20,7 @@ from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..integrators.linear_algebra.factorise import is_large
 from ..segments.timeline import Segment
-from .dense import CLOSE, EquilibriumSearch
+from .dense import CLOSE, ROUNDING, EquilibriumSearch
 
 STEPS = 400
 GROWTH = 2.0
@@ -106,7 +106,24 @@ def _found(search: EquilibriumSearch, state: Array) -> Any:
     first_state, first_slope, _ = search.at(np.array(state))
     if search.cancels(first_state, first_slope) or search.steps_by_rounding(first_state):
         return first_state
+    rest = _of_linear(search, state)
+    if rest is not None:
+        return rest
     raise search.no_rest(slope)
+
+
+def _of_linear(search: EquilibriumSearch, state: Array) -> Any:
+    """Return the rest of a linear model that runs away from it, to which one step of Newton's method leads; None for other models."""
+    if search.program.hybrid is not None:
+        return None
+    search.largest = search.begun[0]
+    x, slope, jacobian = search.at(np.array(state))
+    change = search.correction(slope, jacobian)
+    if not np.isfinite(change).all():
+        return None
+    x, slope, jacobian = search.at(np.concatenate([x[: search.count] + change, x[search.count :]]))
+    there = (np.abs(slope) <= ROUNDING * (np.abs(jacobian) @ search.largest + search.loop_terms)).all()
+    return search.rested(x) if there else None
 
 
 def search_at(program: Program, constraints: Constraints, inputs: Array, first: Segment) -> EquilibriumSearch:
