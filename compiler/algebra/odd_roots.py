@@ -31,6 +31,7 @@ from .expression import (
     operations,
     power,
     rebuild,
+    select,
     substitute,
     symbols,
 )
@@ -64,13 +65,24 @@ def _rewritten(x: Expression) -> Expression:
     return x if other is None else other
 
 
-def on_its_side(x: Expression, condition: Expression, holds: bool) -> Expression:
+def with_sides(x: Expression) -> Expression:
+    """Return the expression with the roots in each branch of a choice on the side of its condition."""
+    if not isinstance(x, Apply) or not any(map(_is_root, operations(x))):
+        return x
+    operands = tuple(map(with_sides, x.operands))
+    if x.operator == "select":
+        condition, value, otherwise = operands
+        return select(condition, _on_its_side(value, condition, True), _on_its_side(otherwise, condition, False))
+    return x if operands == x.operands else rebuild(x.operator, operands)
+
+
+def _on_its_side(x: Expression, condition: Expression, holds: bool) -> Expression:
     """Return a branch of a choice in which `sqrt(c*(a - b))` is `sqrt(c*max(a - b, 0))` where the condition keeps a above b."""
     match condition:
         case Apply(operator="not", operands=(opposite,)):
-            return on_its_side(x, opposite, not holds)
+            return _on_its_side(x, opposite, not holds)
         case Apply(operator="and" | "or" as operator, operands=parts) if holds == (operator == "and"):
-            return reduce(lambda y, part: on_its_side(y, part, holds), parts, x)
+            return reduce(lambda y, part: _on_its_side(y, part, holds), parts, x)
         case Apply(operator="less" | "less_equal", operands=(low, high)) if any(map(_is_root, operations(x))):
             positive = high - low if holds else low - high
             kept = call("max", positive, ZERO)

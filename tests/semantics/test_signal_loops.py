@@ -224,6 +224,13 @@ def test_a_root_of_several_orders_by_rounding(law: str, drive: str) -> None:
     np.testing.assert_allclose(ROOTS[law](run["y"]) - run["y"], given, atol=1e-9)
 
 
+@pytest.mark.parametrize("equation", ["(z - time)^3*(z + 2) = 0", "0 = -3*(z + 2)*(z - time)^2/4", "(z - time)*(z + 2)*(z - time) = 0", "abs(z - time)*(z + 2)^2 = 0"])  # fmt: skip
+def test_a_factor_of_several_orders_counts_once(equation: str) -> None:
+    found = bondgraph.load(f"plain model A {{\n  solve {equation} for z = 0.1\n  output x = z, v = der(z)\n}}\n").simulate(to=1, points=5, target="numpy")  # fmt: skip
+    assert found["x"] == pytest.approx(found.time, abs=1e-12)
+    assert found["v"] == pytest.approx(1, abs=1e-9)
+
+
 def test_a_declared_unit_of_a_loop_is_read_in_it() -> None:
     assert solved("  signal z: m = z - ((z + 1 m)^3 - 8 [m^3])/(40 [m^2])\n  output a = z", "").final(
         "a"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ...algebra.expression import Expression, add, negate, select
-from ...algebra.odd_roots import on_its_side
 from ...graph.units import Dimension
 from ...source import Span
 from ...syntax import tree
@@ -116,8 +115,7 @@ def selected(condition: Expression, first: tuple[Value, Span], second: tuple[Val
         entry = place_in(value, number)
         what = f"Both branches need one unit{f' in {entry}' * bool(entry)}"
         dimension = common_dimension([(a, place), (b, span)], what)
-        branches = on_its_side(a.expression, condition, True), on_its_side(b.expression, condition, False)
-        chosen.append(Typed(select(condition, *branches), dimension))
+        chosen.append(Typed(select(condition, a.expression, b.expression), dimension))
     return shaped(chosen, columns_of(value)) if isinstance(value, tuple) else chosen[0]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from ...algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, substitute, symbols
-from ...algebra.odd_roots import with_odd_roots
+from ...algebra.odd_roots import with_odd_roots, with_sides
 from ...graph.domains import Domain, components_of, multibond_of
 from ...graph.elements import ELEMENTS, ElementKind
 from ...graph.network import Law, PortVariable
@@ -211,7 +211,7 @@ class _LawReader:
                 "a parameter's unit stands where it is declared."
             )
             raise Wrong(DimensionMismatch(equation.span, what, hint))
-        return with_odd_roots(left.expression), with_odd_roots(right.expression)
+        return with_sides(with_odd_roots(left.expression)), with_sides(with_odd_roots(right.expression))
 
     def energy(self, compiler: ExpressionCompiler) -> Expression:
         """The energy of a storage."""

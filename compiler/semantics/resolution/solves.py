@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ...algebra.expression import Apply, Expression, Number, divide, multiply
 from ...algebra.formula import Bound, Formula
 from ...graph.network import Quantity
 from ...graph.run_time_parameters import quantities_in
@@ -41,10 +42,27 @@ def _read(
         hint = "Each number that is looked for needs one equation; one between lists counts for each item."
         raise Wrong(WrongLaw(statement.span, f"`solve` has {' for '.join(many)}", hint))
     for name, zero in zip(names, zeros, strict=True):
-        named, formula = resolver.quantities[name], Formula(zero.formula.arity + len(names), zero.formula.expression)
+        named, formula = (
+            resolver.quantities[name],
+            Formula(zero.formula.arity + len(names), _once(zero.formula.expression)),
+        )
         definition = Bound(formula, (*zero.arguments, *map(Quantity, names)))  # they depend on each other: one loop
         guess = None if named.definition is None else _guess(resolver, named.definition, named.span)
         resolver.quantities[name] = replace(named, definition=definition, guess=guess)
+
+
+def _once(x: Expression) -> Expression:
+    """Return a product that is zero where x is, with each factor once: a solution of several orders, as z = a of (z - a)^3*(z + 2), has no slope."""
+    match x:
+        case Apply(operator="multiply", operands=factors):
+            return multiply(*dict.fromkeys(map(_once, factors)))
+        case Apply(operator="divide", operands=(above, below)):
+            return divide(_once(above), below)
+        case Apply(operator="power", operands=(base, Number(n))) if n > 1 and n == int(n):
+            return _once(base)
+        case Apply(operator="abs", operands=(base,)):
+            return _once(base)
+    return x
 
 
 def _check_sides(resolver: QuantityResolver, equation: tree.Equation, scope: Scope) -> None:
