@@ -27,6 +27,7 @@ from ..algebra.expression import (
 from ..algebra.operators import OPERATORS
 
 LEAST = Number(1e-300)
+ROUNDED = Number(2.0**-50)  # of each of the terms that cancel: below as much of them their sum is zero
 Window = tuple[Expression, Expression, Expression, Expression]  # u, r, a sign, and what a factor of zero leaves
 
 
@@ -38,6 +39,27 @@ def indicator(left: Expression, right: Expression, is_fixed: Callable[[Expressio
             if found is not None:
                 return multiply(Number(side), found)
     return left - right
+
+
+def rounding(x: Expression, is_fixed: Callable[[Expression], bool]) -> Expression:
+    """Return the size up to which an expression is but the rounding of terms that cancel, `x/3 + x/7 - x*(10/21)`; zero if it has none."""
+    if is_fixed(x) or not isinstance(x, Apply):
+        return ZERO
+    if x.operator == "add":
+        moving = [o for o in x.operands if not is_fixed(o)]
+        inner = [rounding(o, is_fixed) for o in moving]
+        own = [call("abs", o) for o in x.operands] if len(moving) > 1 else []
+        return add(multiply(Number(float(len(own))), ROUNDED, add(*own)), *inner)
+    if x.operator in ("multiply", "divide"):
+        inner = [rounding(o, is_fixed) for o in (x.operands if x.operator == "multiply" else x.operands[:1])]
+        return add(
+            *(
+                call("abs", rebuild(x.operator, (*x.operands[:i], s, *x.operands[i + 1 :])))
+                for i, s in enumerate(inner)
+                if s != ZERO
+            )
+        )
+    return rounding(x.operands[0], is_fixed) if x.operator == "abs" else ZERO
 
 
 def parts_of(x: Expression, is_fixed: Callable[[Expression], bool]) -> tuple[Expression, Expression, Expression] | None:

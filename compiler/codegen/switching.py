@@ -33,7 +33,7 @@ from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import NoiseOutOfStep
 from .events import Count, Located
-from .indicators import count_parts, indicator, parts_of, window
+from .indicators import count_parts, indicator, parts_of, rounding, window
 from .limits import Leaf
 from .lowered import Lowered
 from .program import ConditionNote
@@ -43,6 +43,7 @@ FEW_KNOTS = 32  # of a table: each has a kink function of its own; more would co
 # What a knot may be off the line between its neighbours: of the range of its table, and of that of the three, unless it is rounding of the largest value.
 # A smaller one is no step or spike, but the bend of a smooth curve, which the error of a step shows.
 ROUGH, ROUGH_HERE, ROUNDED = 1e-4, 0.1, 1e-12
+JUMPING = frozenset({"less", "less_equal", "equal", "floor", "ceil", "sign"})
 MOST_PIECES = 8  # of a function of time that is affine in pieces
 
 
@@ -135,6 +136,7 @@ class Switching:
         if alone and x.operator in ("min", "max", "abs"):
             g = x.operands[0] if x.operator == "abs" else x.operands[0] - x.operands[1]
             self._instant(self.replaced(g))
+        operands = self._unrounded(x.operator, operands)
         found = x if operands == x.operands else _rebuilt(x.operator, operands)
         if self.located and not alone:
             self._bend(x, operands)
@@ -253,7 +255,7 @@ class Switching:
             self.modes[condition] = call("and", *map(self.replaced, both))
             return self.modes[condition]
         if condition.operator in ("and", "or", "not") or not (alone or locatable):
-            return _rebuilt(condition.operator, operands)
+            return _rebuilt(condition.operator, self._unrounded(condition.operator, operands))
         events, a, b = self.result.events, *condition.operands
         if not alone and (parts := window(operands[0], operands[1], self._is_fixed)) is not None:
             self.modes[condition] = self._within(condition.operator, *parts)
@@ -271,6 +273,19 @@ class Switching:
             events.located.append(Located(symbol, indicator(operands[0], operands[1], self._is_fixed), note))
         self.next += 1
         return self.modes[condition]
+
+    def _unrounded(self, operator: str, operands: tuple[Expression, ...]) -> tuple[Expression, ...]:
+        """Operands of a function that jumps, and is evaluated where it is used, with zero in place of the rounding of terms that cancel."""
+        if self.pieced or operator not in JUMPING:
+            return operands
+        x = operands[0] - operands[1] if len(operands) > 1 else operands[0]
+        most = rounding(x, self._is_fixed)
+        if most == ZERO:
+            return operands
+        if operator in ("floor", "ceil"):
+            return (x + (most if operator == "floor" else negate(most)),)
+        rounded = select(call("less_equal", call("abs", x), most), ZERO, x)
+        return (rounded, ZERO) if len(operands) > 1 else (rounded,)
 
     def _within(self, operator: str, u: Expression, r: Expression, sign: Expression, rest: Expression) -> Expression:
         """The condition of a `window`, with `operator` less or less_equal, as two: each crosses zero straight."""

@@ -104,3 +104,33 @@ def test_conditions_that_are_rounding_count_as_zero() -> None:
     for solver in ("automatic", "rodas"):
         found = model.simulate(to=4, points=3, solver=solver)
         assert [found.final(f"c{i}") for i in range(len(CANCELLED))] == [0] * (len(CANCELLED) - 2) + [2, 2]
+
+
+def test_sampled_values_and_outputs_of_what_is_rounding_are_those_of_zero() -> None:
+    """Each sample read the sign of rounding: 4 to 11 counts of 41, and -7 to -19 as the sum of `floor`; so did conditions in laws, after a sample."""
+    text = "plain model A {\n  signal x = integral(v, 1), v = integral(-4*x, 0), twin = integral(v, 1)\n"
+    text += "  signal y = integral(w, 0.3), w = integral(-9*y - 0.1*w, 1)\n"
+    jumps = (
+        "(1 if {} > 0 else 0)",
+        "(1 if {} != 0 else 0)",
+        "floor({})",
+        "-ceil({})",
+        "sign({})",
+        "floor(mod({}, 1) + 0.5)",
+        "floor(2*({})/3)",
+        "(1 if 2*abs({}) > 0 else 0)",
+    )
+    several = [(i, j) for i in range(len(CANCELLED)) for j in range(len(jumps)) if j == 0 or (i + j) % 5 == 0]
+    for i, j in several:
+        jump = jumps[j].format(f"s{i}" if j % 2 else f"({CANCELLED[i]})")
+        text += f"  mode n{i}_{j} = 0\n  every 0.1 {{ n{i}_{j} = n{i}_{j} + {jump} }}\n  output c{i}_{j} = n{i}_{j}, o{i}_{j} = {jump}\n"
+    for i, condition in enumerate(CANCELLED):
+        text += f"  signal s{i} = {condition}\n"
+    text += "  signal k = integral(1 if s0 > 0 else 0, 0)\n  output l = k\n"
+    model = bondgraph.load(text + "}\n")
+    found = model.simulate(to=4, points=41)
+    zero = [(i, j) for i, j in several if i < len(CANCELLED) - 2]
+    assert [(i, j) for i, j in zero if found.final(f"c{i}_{j}") or found[f"o{i}_{j}"].any()] == []
+    assert found.final("l") == 0
+    positive = sum(np.cos(0.2 * np.arange(41)) > 0)
+    assert [found.final(f"c{i}_0") for i in range(len(CANCELLED) - 2, len(CANCELLED))] == [positive, positive]

@@ -137,6 +137,7 @@ def evaluate(k: IndicatorWorkspace) -> int:
     add_change(k, k.time + SHARE * least, 1.0)
     for j in range(k.root_count):
         k.noise[j] *= ROUNDED
+        k.again[j] = k.noise[j]  # of the moves alone: the flow's has no least size
     if k.flows != 0:
         late = LATE * ulp(least)
         span = max(SHARE * k.whole, late)
@@ -145,7 +146,7 @@ def evaluate(k: IndicatorWorkspace) -> int:
         add_change(k, k.time + span, late / span)
     count = 0
     for j in range(k.root_count):
-        if k.noise[j] < abs(k.root[j]) and (k.noise[j] == 0.0 or abs(k.root[j]) <= CANCELLED * k.noise[j]):
+        if k.noise[j] < abs(k.root[j]) and (k.again[j] == 0.0 or abs(k.root[j]) <= CANCELLED * k.again[j]):
             count += 1
     return count
 
