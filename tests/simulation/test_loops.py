@@ -323,3 +323,18 @@ def test_orifices_at_a_node_begin_from_rest(form: str, share: float) -> None:
     found = bondgraph.load(text).simulate(to=0.4, points=5, settings={"o": share}, rtol=1e-4)
     right = solve_ivp(rate, (0, 0.4), [0.0], method="LSODA", rtol=1e-6, atol=1e-13, t_eval=found.time).y[0] / 1e-9
     np.testing.assert_allclose(found["P"], right, rtol=0, atol=1e-3 * np.abs(right).max() + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("equation", "guess", "end", "last"),
+    [("z + sqrt(z) = 2 - time", 1, 2, 0), ("z - sqrt(1 - z) = time", 0.5, 1, 1), ("asin(z) + z = time", 0.1, 1 + np.pi / 2, 1), ("z + sqrt(z) = (1 - time)^2", 1, None, 0.381966)],
+)  # fmt: skip
+def test_a_solution_ends_where_a_law_has_no_value_beyond(
+    equation: str, guess: float, end: float | None, last: float
+) -> None:
+    """The slope is infinite there, so any step of Newton's method was rounding: a run went on 8e-6 s with what solves nothing."""
+    model = bondgraph.load(f"plain model A {{ solve {equation} for z = {guess}; output o = z }}")
+    assert model.simulate(to=2 if end is None else end - 1e-12, points=3).final("o") == pytest.approx(last, abs=1e-5)
+    for beyond in () if end is None else (1e-7, 8e-6):
+        with pytest.raises(RunFailed, match="no solution that could be found"):
+            model.simulate(to=end * (1 + beyond), points=3)

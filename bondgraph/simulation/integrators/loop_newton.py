@@ -73,6 +73,11 @@ def solve_loops(s: LoopSystem, many: int) -> int:
         if many != 0 and size < ARRIVED:
             return 1
         factor = damped(s, HALVINGS_OF_MANY if many != 0 else HALVINGS, size < CLOSE)
+        if size < CLOSE and (factor < 1.0 or not are_small(s)) and hides_residuals(s, size):
+            if factor < 1.0:
+                return 0  # laws have no value just beyond
+            before = size
+            continue
         if factor == 0.0:
             return 1 if (many == 0 and (size < CLOSE or is_loop_rounding(s))) or is_erratic(s) else 0
         stuck = stuck + 1 if factor < SHORT else 0
@@ -248,15 +253,32 @@ def is_loop_rounding(s: LoopSystem) -> bool:
     largest = 0.0
     for i in range(s.n):
         largest = max(largest, abs(s.step[i]))
+    return (s.unknown != 0 and largest < HIDDEN) or are_small(s)
+
+
+def are_small(s: LoopSystem) -> bool:
+    """Return True if residuals are small relative to their terms."""
+    for i in range(s.n):
         s.found[i] = 0.0
-    if s.unknown != 0 and largest < HIDDEN:
-        return True
     for k in range(s.entry_count):
         s.found[s.rows[k]] += abs(s.jacobian[s.chosen[k]] * s.z[s.columns[k]])
     for i in range(s.n):
         if not abs(s.value[i]) <= ROUNDED * s.found[i]:
             return False
     return True
+
+
+def hides_residuals(s: LoopSystem, size: float) -> bool:
+    """Return True if residuals are no rounding, though a correction is: an infinite slope, as of a root at zero, makes any small."""
+    for side in range(2):
+        for i in range(s.n):
+            s.trial[i] = s.z[i] + (1 - 2 * side) * LEAST / size * s.step[i]
+        if residual(s, s.trial, s.found):
+            for i in range(s.n):
+                if abs(s.value[i]) > ROUNDED * abs(s.found[i] - s.value[i]):
+                    return True
+            return False
+    return False
 
 
 def is_erratic(s: LoopSystem) -> bool:
