@@ -4,15 +4,15 @@ Two solutions differ by dx in the arguments and dy in the values of the laws y =
 linear relations between dx and dy. Where each g rises or falls strictly, in the direction d, every product d dx dy is positive unless both are zero. Where by
 these relations the products add up to zero (junctions, transformers and gyrators neither store nor lose power, whatever their ratios), all of them are zero,
 and with them the rest of the loop (Duffin, Nonlinear networks, Bull. Am. Math. Soc. 53, 1947; Minty, Monotone networks, Proc. R. Soc. A 257, 1960).
-The proof is exact: coefficients are fractions, and one that is constant in the loop but not a number stands there as an arbitrary fraction.
+Coefficients are residues modulo a prime, as fractions grow at each step, and one that is constant in the loop but not a number stands there as an arbitrary
+one: a combination that is not zero passes for zero with a probability of 2^-61.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from fractions import Fraction
 from functools import cache, lru_cache
-from math import isfinite
+from math import isfinite, prod
 from random import Random
 
 from ..algebra.affine import jointly_affine
@@ -22,9 +22,8 @@ from ..equations.system import Assignment, EquationSystem
 from .order import blocks
 
 MOST, LONGEST = 64, 512  # laws, and assignments in all, of a loop that is examined
-LARGEST = 2**61
-Exact = int | Fraction  # most coefficients are 1 or -1, and integers are fast
-Row = Mapping[int, Exact]  # a difference as a combination of others
+PRIME = 2**61 - 1  # larger than the mantissa of a float: no number but 0 has the residue 0
+Row = Mapping[int, int]  # a difference as a combination of others
 Law = tuple[int | None, int]  # argument, if there is one, and direction of the value
 
 
@@ -49,7 +48,7 @@ def is_unique(loop: Sequence[Assignment], system: EquationSystem, signs: Callabl
         elif assignment.implicit:
             return False
         else:
-            structure[assignment.target] = {int(s.key): _exact(k) for s, k in zip(own, rows[0], strict=True)}
+            structure[assignment.target] = {int(s.key): _residue(k) for s, k in zip(own, rows[0], strict=True)}
     differences = _differences(laws, structure)
     return _is_lossless(laws, differences) and _vanish(laws, differences)
 
@@ -91,8 +90,8 @@ def _differences(laws: Mapping[int, Law], structure: Mapping[int, Row]) -> dict[
 def _without(zero: Row, rows: Mapping[int, Row]) -> dict[int, Row]:
     """Return the same rows where a combination of open differences is zero: one of them is expressed by the others."""
     pivot = next(iter(zero))
-    inverse = zero[pivot] if zero[pivot] in (1, -1) else 1 / Fraction(zero[pivot])
-    value = {v: -part * inverse for v, part in zero.items() if v != pivot}
+    inverse = -pow(zero[pivot], -1, PRIME)
+    value = {v: part * inverse % PRIME for v, part in zero.items() if v != pivot}
     return {v: _combined(row, {pivot: value}) if pivot in row else row for v, row in rows.items()}
 
 
@@ -108,46 +107,39 @@ def _vanish(laws: Mapping[int, Law], rows: Mapping[int, Row]) -> bool:
 
 def _combined(slopes: Row, rows: Mapping[int, Row]) -> Row:
     """Return a combination of rows; a variable without a row stands for itself."""
-    total: dict[int, Exact] = {}
+    total: dict[int, int] = {}
     for variable, slope in slopes.items():
         for v, part in rows.get(variable, {variable: 1}).items():
-            total[v] = total.get(v, 0) + slope * part
+            total[v] = (total.get(v, 0) + slope * part) % PRIME
     return {v: part for v, part in total.items() if part}
 
 
 def _is_lossless(laws: Mapping[int, Law], differences: Mapping[int, Row]) -> bool:
     """Return True if the directed products of all laws' arguments and values add up to zero."""
-    entries: dict[frozenset[int], Exact] = {}
+    entries: dict[frozenset[int], int] = {}
     for value, (argument, direction) in laws.items():
         for a, part in differences[argument].items() if argument is not None else ():
             for b, other in differences[value].items():
                 pair = frozenset((a, b))
                 entries[pair] = entries.get(pair, 0) + direction * part * other
-    return not any(entries.values())
+    return not any(entry % PRIME for entry in entries.values())
 
 
 @lru_cache(maxsize=65536)
-def _exact(x: Expression) -> Exact:
-    """Return an exact stand-in of a coefficient: arithmetic of numbers, and of one arbitrary fraction for each thing that is none."""
+def _residue(x: Expression) -> int:
+    """Return the residue of a coefficient: arithmetic of numbers, and of an arbitrary one for each thing that is none."""
     if isinstance(x, Number) and isfinite(x.value):
-        return int(x.value) if x.value.is_integer() else Fraction(x.value)
+        numerator, denominator = x.value.as_integer_ratio()
+        return numerator * pow(denominator, -1, PRIME) % PRIME
     if isinstance(x, Apply) and x.operator in ("add", "multiply", "divide"):
-        parts = [_exact(operand) for operand in x.operands]
-        result: Exact = parts[0]
-        for part in parts[1:]:
-            if x.operator == "divide" and not part:
-                break
-            match x.operator:
-                case "add":
-                    result = result + part
-                case "multiply":
-                    result = result * part
-                case _:
-                    result = Fraction(result) / part
-        else:
-            return result
-    random = Random(repr(x))
-    return Fraction(random.randrange(1, LARGEST), random.randrange(1, LARGEST))
+        first, *others = map(_residue, x.operands)
+        if x.operator == "add":
+            return (first + sum(others)) % PRIME
+        if x.operator == "multiply":
+            return first * prod(others) % PRIME
+        if others[0]:
+            return first * pow(others[0], -1, PRIME) % PRIME
+    return Random(repr(x)).randrange(1, PRIME)
 
 
 def parameter_signs(system: EquationSystem) -> Callable[[Symbol], int]:
