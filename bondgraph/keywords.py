@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from functools import cache, wraps
 from pathlib import Path
 from typing import ParamSpec, TypedDict, TypeVar
@@ -112,10 +112,9 @@ def checked(call: Callable[_Arguments, _Found]) -> Callable[_Arguments, _Found]:
     return with_check
 
 
-def check_keywords(call: Callable[..., object], options: Mapping[str, object], known: frozenset[str]) -> None:
+def check_keywords(call: Callable[..., object], options: Mapping[str, object], known: Set[str]) -> None:
     """Raise `UsageError` for an option that a call does not have, with the nearest that it has."""
-    unknown = sorted(options.keys() - known)
-    if unknown:
+    if unknown := sorted(options.keys() - known):
         from difflib import get_close_matches
         from inspect import signature
 
@@ -131,7 +130,7 @@ def _check(call: Callable[..., object], values: Sequence[object], options: Mappi
         names = ", ".join(f"`{n}`" for n in places[1:])
         raise UsageError("BR696", f"`{call.__name__}` takes {names} by place, and no more")
     placed = dict(zip(places, values, strict=False))
-    check_keywords(call, options, frozenset(kinds))
+    check_keywords(call, options, kinds.keys())
     lacking = [name for name in needed if name not in placed and name not in options]
     if lacking:
         raise UsageError("BR697", f"`{call.__name__}` needs `{lacking[0]}`, {_words(kinds[lacking[0]])}")

@@ -96,15 +96,14 @@ _ROWS = (
         "A number with a name is declared, `parameter {a} = {b}`; what changes is a signal, `signal {a} = …`.",
     ),
 )  # fmt: skip
-HABITS = tuple((re.compile(pattern), advice) for pattern, advice in _ROWS)
 LONGEST = 400  # characters of a line that is looked at
 
 
 def advice_on(line: str, column: int) -> str:
     """Return the advice for a line with an error at a column (from 0), if it is written as in another language; else an empty text."""
     text = line[:LONGEST].partition("#")[0].rstrip()
-    for pattern, advice in HABITS:
-        for match in pattern.finditer(text):
+    for pattern, advice in _ROWS:  # which `re` compiles at the first error, and keeps
+        for match in re.finditer(pattern, text):
             if match.start() <= column <= match.end() + 1:
                 return advice.format(**{name: words.strip() for name, words in match.groupdict().items()})
     return ""

@@ -14,8 +14,7 @@ from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
 from .project_folder import is_there, project_folder, within_project
 from .scope import RESERVED, FileScope, ModelDefinition, SetDefinition
-from .statement_errors import MAXIMUM_MISTAKES, Wrong, suggestion
-from .unit_file import NotImportable, read_unit_description, unit_model
+from .statement_errors import MAXIMUM_MISTAKES, NotImportable, Wrong, suggestion
 
 MAXIMUM_FILES = 500
 
@@ -131,6 +130,8 @@ class Loader:
         """
         name = _shown(target, importer.source)
         if target.suffix == UNIT:
+            from .unit_file import read_unit_description, unit_model
+
             text = unit_model(read_unit_description(target), name, target)
             loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
             return self._declare(loaded, parse(text), chain)

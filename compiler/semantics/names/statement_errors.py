@@ -18,6 +18,10 @@ MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is s
 MAXIMUM_MISTAKES = 200  # errors reported for one file
 
 
+class NotImportable(Exception):
+    """Raised for a file that is no unit, or one that no model can hold; its texts are what is wrong, and advice."""
+
+
 class Wrong(Exception):
     """An error in one statement. It is collected, and the next statement is read."""
 

@@ -12,10 +12,10 @@ from xml.etree import ElementTree
 from zipfile import BadZipFile, ZipFile
 
 from ...source import MAXIMUM_BYTES, Source
+from .statement_errors import NotImportable
 from .unit_file import (
     STEP,
     NewNames,
-    NotImportable,
     UnitDescription,
     UnitVariable,
     declared,

@@ -20,6 +20,7 @@ from ...fast_dataclass import dataclass
 from ...graph.units import Dimension
 from ...source import MAXIMUM_BYTES, SYSTEM, Source
 from .scope import RESERVED
+from .statement_errors import NotImportable
 
 STEP, HELD = "communication_step", "held_"
 USUAL_TOLERANCE = 1e-6  # of a unit for model exchange that names none
@@ -27,10 +28,6 @@ _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 _REAL = {"2.0": ("ScalarVariable", "SimpleType"), "3.0": ("Float64", "Float64Type")}  # elements of variables, of types
 _BOUNDS = {"needsExecutionTool": "needs the tool that made it", "canBeInstantiatedOnlyOncePerProcess": "may be there only once"}  # fmt: skip
 _UNIT = re.compile(r"[^\W\d_%][\w*/^() %.-]*|%|1|1/[\w*/^() .-]+")
-
-
-class NotImportable(Exception):
-    """Raised for a file that is no unit, or one that no model can hold; its texts are what is wrong, and advice."""
 
 
 @dataclass(frozen=True, slots=True)
