@@ -165,14 +165,15 @@ class PhaseSequence:
             from .monitors.energy import added
 
             balance = added([leg.balance for leg in legs if leg.balance is not None])
-        lacking, acted = _left_out(legs, balance), tuple(chain.from_iterable(leg.occurrences for leg in legs))
+        lacking = None if self.options.bandwidth is None else _left_out(legs, balance)
+        acted = tuple(chain.from_iterable([leg.occurrences for leg in legs]))
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), evaluations, self.options.rtol, clock.perf_counter() - self.began,
             balance, (*_warnings(legs), *cancelled), legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
-            acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs),
+            acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs) if self.options.extremes else (),
         )  # fmt: skip
         if self.before is None:
             return found
@@ -182,8 +183,8 @@ class PhaseSequence:
 
 
 def _extremes(legs: Sequence[Phase]) -> tuple[Extremes, ...]:
-    """Return the extremes of each output over all phases; empty if they were not searched, or not to the end."""
-    if not all(leg.whole and leg.extremes is not None for leg in legs):
+    """Return the extremes of each output over all phases; empty if they were not searched to the end."""
+    if not all(leg.whole for leg in legs):
         return ()
     phases = [leg.extremes.extremes() for leg in legs if leg.extremes is not None]
     return tuple(map(widest, zip(*phases, strict=True)))
