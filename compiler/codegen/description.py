@@ -48,9 +48,10 @@ def _hybrid_note(lowered: Lowered) -> HybridNote | None:
     timed, affine = tuple(events.timed), _is_affine(lowered)
     rates = {m.conjugate for m in lowered.space.momenta}
     jumping = tuple(i for i, s in enumerate(lowered.space.states) if s.conjugate is not None or s.variable in rates)
+    poses = tuple(i for i, s in enumerate(lowered.space.states) if s.drawn is not None)
     counted = tuple(item.position for item in events.counts)
     return HybridNote(
-        events.size, modes, timed, counted, conditions, events.events, events.junctions, switched, jumping, len(lowered.space.momenta), affine
+        events.size, modes, timed, counted, conditions, events.events, events.junctions, switched, jumping, poses, len(lowered.space.momenta), affine
     )  # fmt: skip
 
 

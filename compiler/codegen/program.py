@@ -155,6 +155,7 @@ class HybridNote:
     junctions: tuple[tuple[str, Span], ...]
     switches_signals: bool  # True if `Program.signals` change at events that depend on states
     jumping: tuple[int, ...]  # places of the states that an impulse changes: stored quantities, and rates of mechanisms
+    poses: tuple[int, ...]  # places of the coordinates of mechanisms
     momenta: int  # number of the last dependents that are momenta of coordinates
     affine: bool  # True if in each mode the rates are affine in the states, with slopes that do not depend on time
 

@@ -152,9 +152,9 @@ class Coordinates:
         part, script = link.part, self.script
         zeros: Vector = (ZERO, ZERO, ZERO)
         rests = [self.rest(part, r) if isinstance(part, Joint) else ZERO for r in ("rx", "ry", "rz")]
+        drawn_at = rests if isinstance(part, Joint) else script.place(part.turn, f"{part.name} turn", "1")
         vector = [
-            ZERO if r not in part.starts else self._start(part, r, ZERO) - rest
-            for r, rest in zip(("rx", "ry", "rz"), rests, strict=True)
+            self._start(part, r, at) - rest for r, rest, at in zip(("rx", "ry", "rz"), rests, drawn_at, strict=True)
         ]
         rates = tuple(self._start(part, f"{r}.f", ZERO) for r in ("rx", "ry", "rz"))
         v: Vector = (vector[0], vector[1], vector[2])

@@ -9,10 +9,11 @@ loops.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import replace
 
 from ..fast_dataclass import dataclass
 from ..graph.groups import Groups
-from ..graph.mechanism import GROUND, POSE, Body, Joint, Mechanism
+from ..graph.mechanism import GROUND, POSE, Body, Frame, Joint, Mechanism
 from .joint_order import Ranks, joint_ranks
 
 CLOSING = frozenset({"rod", "gear", "rack", "wheel", "skate"})  # they tie what moves anyhow
@@ -92,6 +93,14 @@ def steps_of(joint: Joint) -> tuple[Step, ...]:
     return STEPS[joint.kind]
 
 
+def _without_open_turn(part: Joint | Body) -> Joint | Body:
+    """Return the owner of coordinates without the starts of a turn in space that are not all of it: its pose follows, and its rates with that."""
+    pose, rates = ([axis + kind for axis in ("rx", "ry", "rz") if axis + kind in part.starts] for kind in ("", ".f"))
+    whole = len(pose) == 3 or "attitude.w" in part.starts
+    opened = {*(() if whole else pose), *(() if whole and len(rates) == 3 else rates)}
+    return replace(part, starts={k: v for k, v in part.starts.items() if k not in opened}) if opened else part
+
+
 def is_weld(joint: Joint) -> bool:
     """Return True if a joint leaves no freedom and is at its position in the drawing."""
     return joint.kind == "weld" or (joint.locked and joint.kind not in CLOSING | {"distance"} and not joint.starts)
@@ -152,7 +161,12 @@ class _Growth:
         place = {name: self.start[self.group.of(name)] for name in self.group if name != GROUND}
         closing = [j for j in self.mechanism.joints if not is_chord(j) and j.name not in self.used]
         chords = [j for j in self.mechanism.joints if is_chord(j)]
-        return Tree(tuple(self.links), place, tuple(chords), tuple(closing))
+        own = {link.part.name for link in self.links}
+        parts: tuple[Joint | Body | Frame, ...] = (*self.mechanism.joints, *self.bodies, *self.mechanism.frames)
+        links = self.links
+        if closing or any(part.starts and part.name not in own for part in parts):  # what decides other coordinates
+            links = [link if link.fixed else replace(link, part=_without_open_turn(link.part)) for link in links]
+        return Tree(tuple(links), place, tuple(chords), tuple(closing))
 
     def _neighbours(self, joints: Sequence[Joint]) -> dict[str, list[tuple[str, Joint]]]:
         found: dict[str, list[tuple[str, Joint]]] = {}

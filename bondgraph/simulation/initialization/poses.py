@@ -336,6 +336,7 @@ def _short(problem: PoseProblem, end: Followed) -> RunFailed:
 
 def _against(problem: PoseProblem, along: PoseProblem, off: Sequence[int], z: Array) -> RunFailed:
     """Return the error of start values that contradict each other."""
+    off = off or range(len(problem.given))  # all are as given, and loops open
     items, here = [problem.given[i] for i in off], _here(problem, z)
     there = ", ".join(f"`{problem.given[i].name}` = {_shown(problem.given[i], here[i])}" for i in off[:4])
     joint = _opened(problem, off, z)
