@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .certificate import Certificate
     from .chance import DISTRIBUTIONS, SPREAD, Distribution, fault, kinds_told
     from .codegen.c.write import ARGUMENTS as C_ARGUMENTS
-    from .codegen.c.write import write_library_c
+    from .codegen.c.write import c_string, write_library_c
     from .codegen.c.single_precision import in_single_precision
     from .codegen.cost import Cost, cost
     from .codegen.limits import Leaf
@@ -70,8 +70,7 @@ if TYPE_CHECKING:
     from .project import EditedFile, Project, FileSurvey
     from .garbage_collection import uncollected
     from .jit.arrays import Bytes, Floats, Ints, Numbers, Record, ShortInts, sized
-    from .jit.c_source import BEGINNING as C_BEGINNING
-    from .jit.c_source import c_source
+    from .jit.c_source import c_source, small_functions
     from .jit.kinds import FLOATS, INTS, Fields, Handed, record_of, zeros_of
     from .jit.machine import PLATFORMS as LIBRARY_PLATFORMS
     from .jit.machine import MachineCode, address_of, object_code, processor

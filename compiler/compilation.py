@@ -19,6 +19,7 @@ from .codegen.program import Program
 from .codegen.zero_divisors import zero_divisors
 from .equations import EquationSystem, derive_equations, notes
 from .equations.companion import companion, companion_inputs
+from .equations.fields import field_checks
 from .equations.products import integrands
 from .errors import CompilationFailed, Diagnostic, standing
 from .fast_dataclass import dataclass
@@ -86,7 +87,8 @@ class Compilation:
             whole = replace(self, scene=replace(self.scene, unit=None))
             return whole.system(self.scene.unit[1]).alone(whole._built, self.scene.unit[0])
         with uncollected():
-            return build_graph(self.tree, self.scene, self.library, self.most_parts)
+            built = build_graph(self.tree, self.scene, self.library, self.most_parts)
+        return built if "*" not in self.scene.free else built.checking(*field_checks(built.graph))
 
     def system(self, parts: Sequence[str]) -> System:
         """The model cut at the ports of some instances."""

@@ -17,6 +17,7 @@ from ..simulation.integrators.compiled.record_layout import RecordLayout
 from ..simulation.integrators.methods import EXPLICIT, RADAU
 from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals
+from .messages import KINDS, MESSAGES, sentence_of
 from .runtime.instance import EventData, FmuInstance
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ class ModelImage:
     head: tuple[int, ...]
     inside: tuple[int, ...]
     functions: tuple[tuple[int, str], ...]
+    sentences: tuple[str, ...]  # by the numbers of messages
 
     def words(self, token: str) -> tuple[int, ...]:
         """Return the words that a library has of a model: see `runtime/memory.py`."""
@@ -58,7 +60,8 @@ def image_of(program: Program, module: LibraryModule, values: StartValues) -> Mo
     functions = tuple((at, NAMES.get(field, field)) for at, field in form.functions)
     connected = tuple((at, name) for at, name in functions if name in module.counts)
     inside = [*form.inside.tolist(), *(at for at, _ in functions)]
-    return ModelImage(form.size, tuple(form.head.tolist()), tuple(inside), connected)
+    sentences = (*MESSAGES, *(sentence_of(note) for note in program.limits))
+    return ModelImage(form.size, tuple(form.head.tolist()), tuple(inside), connected, sentences)
 
 
 def _complete(record: Fields, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,7 +95,7 @@ def _fields(program: Program, module: LibraryModule, values: StartValues) -> dic
     ) | {
         "solver": _solver(program, counts, values), "events": None if hybrid is None else _events(hybrid, n), "relative": values.tolerances.relative,
         "parameters": np.array(values.parameters, dtype=float), "timed": _whole(timed), "slope_rows": _whole(row for row, _ in slopes),
-        "slope_columns": _whole(column for _, column in slopes), "is_table": _whole(note.kind == "table" for note in limits),
+        "slope_columns": _whole(column for _, column in slopes), "limit_kind": _whole(KINDS.index(note.kind) for note in limits),
         "limit_place": _whole(places[:-1]),
     }  # fmt: skip
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from .functions import TYPES, VERSIONS, FmiFunction, FmiVersion
 from .image import ModelImage
-from .messages import MESSAGES
 
 CATEGORY = "logStatus"
 RESULTS = {"status": "i32", "pointer": "ptr", "void": "void"}
@@ -60,10 +59,10 @@ def _in_llvm(version: FmiVersion, row: FmiFunction) -> str:
 def llvm_data(image: ModelImage, token: str, version: FmiVersion) -> str:
     """Return what a model brings, as LLVM IR."""
     words = image.words(token)
-    width = max(map(len, MESSAGES)) + 1
+    width = max(map(len, image.sentences)) + 1
     lines = [
         f"@fmu_model = constant [{len(words)} x i64] [{', '.join(f'i64 {w}' for w in words)}]",
-        f"@messages = private unnamed_addr constant [{len(MESSAGES)} x [{width} x i8]] [{', '.join(_text(m, width) for m in MESSAGES)}]",
+        f"@messages = private unnamed_addr constant [{len(image.sentences)} x [{width} x i8]] [{', '.join(_text(m, width) for m in image.sentences)}]",
         f"@category = private unnamed_addr constant {_text(CATEGORY)}",
         _FMU_LOG.replace("WIDTH", str(width)).replace("CALL", _LOG[version.prefix]),
     ]

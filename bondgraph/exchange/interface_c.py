@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from compiler.api import C_ARGUMENTS as ARGUMENTS
-from compiler.api import C_BEGINNING, c_source
+from compiler.api import c_source, c_string, small_functions
 
 from .. import cache
 from .functions import LEFT_OUT, TYPES, FmiFunction, FmiVersion
 from .image import ModelImage
 from .interface import CATEGORY
-from .messages import MESSAGES
 
 LONGEST_LINE = 20  # words
 RESULTS = {"status": "int ", "pointer": "void *", "void": "void "}
@@ -25,7 +24,8 @@ def c_unit(image: ModelImage, token: str, prefix: str, version: FmiVersion) -> s
     names = dict.fromkeys(name for _, name in image.functions)
     declared = "".join(f"void {prefix}_{name}({ARGUMENTS});\n" for name in names)
     head = _HEAD.replace("NUMBER", version.number)
-    parts = (head, declared, _data(image, token, prefix, version), C_BEGINNING, _runtime(version))
+    runtime = _runtime(version)
+    parts = (head, declared, _data(image, token, prefix, version), small_functions(runtime), runtime)
     return "\n".join([*parts, *(_in_c(version, row) for row in version.rows)])
 
 
@@ -60,7 +60,7 @@ def _data(image: ModelImage, token: str, prefix: str, version: FmiVersion) -> st
     """Return what a model brings."""
     texts = [f"INT64_C({w})" if w > -(2**63) else "INT64_MIN" for w in image.words(token)]
     rows = [", ".join(texts[i : i + LONGEST_LINE]) for i in range(0, len(texts), LONGEST_LINE)]
-    sentences = ",\n    ".join(f'"{m}"' for m in MESSAGES)
+    sentences = ",\n    ".join(map(c_string, image.sentences))
     arguments, values = _LOG[version.prefix]
     lines = [
         f"static int64_t fmu_model[] = {{\n    {(',' + chr(10) + '    ').join(rows)}\n}};",

@@ -1,5 +1,7 @@
 """Sentences by which a unit tells an importer why it refuses something; the numbers are those of `runtime/instance.py`."""
 
+from compiler.api import LimitNote
+
 from .runtime import instance
 
 _SENTENCES = {
@@ -8,8 +10,6 @@ _SENTENCES = {
     instance.TOO_MANY_STEPS: "The communication step needs too many steps: make it shorter.",
     instance.NO_STEP: "No step is short enough for the tolerance: the values grow without bound, or the model is singular here.",
     instance.NOT_FINITE: "A value or a rate is not finite.",
-    instance.LIMIT_LEFT: "A requirement of the model does not hold any more.",
-    instance.TABLE_LEFT: "A table of the model is asked outside of its range.",
     instance.WRONG_TIME: "The communication point is not the time that the instance has reached.",
     instance.NO_SLOPE: "There are directional derivatives of outputs and rates by inputs and states alone.",
     instance.SLIDES: "Conditions can neither hold nor fail: either side leads back to the other. Give the model a mode that sticks, or a smooth law.",
@@ -20,4 +20,16 @@ _SENTENCES = {
     instance.CROWDED: "A condition changes too often within a step to be followed.",
     instance.ENDED: "An event has ended the run.",
 }  # fmt: skip
-MESSAGES = tuple(_SENTENCES.get(number, "") for number in range(max(_SENTENCES) + 1))
+MESSAGES = tuple(_SENTENCES.get(number, "") for number in range(instance.LIMITS))
+# Kinds of limits, in the order of their numbers, and sentences on them.
+_LIMITS = {
+    "require": "The requirement `{0.words}` (line {0.span.line}) does not hold any more.",
+    "table": "The table `{0.words}(...)` of `{0.owner}` (line {0.span.line}) is asked outside of its range.",
+    "start": "With these parameters the model has no meaning: {0.words} is out of its range.",
+}
+KINDS = tuple(_LIMITS)
+
+
+def sentence_of(note: LimitNote) -> str:
+    """Return the sentence by which a unit tells an importer that a limit is left."""
+    return _LIMITS[note.kind].format(note)

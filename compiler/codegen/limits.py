@@ -80,7 +80,14 @@ def requirement(
     condition = entry(limit.condition)
     values = tuple(LimitValue(name, unit, entry(value)) for name, value, unit in limit.values)
     note = LimitNote(
-        "require", limit.owner, limit.words, limit.text, limit.span, limit.stands, _shown(values), is_fixed(condition)
+        "start" if limit.refuses else "require",
+        limit.owner,
+        limit.words,
+        limit.text,
+        limit.span,
+        limit.stands,
+        _shown(values),
+        is_fixed(condition),
     )
     return Limit(condition, values, note)
 

@@ -25,9 +25,9 @@ class NameTable:
 
 @dataclass(frozen=True, slots=True)
 class LimitNote:
-    """Report of a validity limit: leaving the range of a `table` ends the run, a violated `require` is a warning."""
+    """Report of a validity limit: leaving the range of a `table` ends the run, a violated `require` is a warning, and a `start` is refused."""
 
-    kind: str  # "table" or "require"
+    kind: str  # "table", "require" or "start"
     owner: str  # the element or quantity with the table; the instance that requires, "" for the model itself
     words: str  # the kind of table; the condition as written
     text: str  # the author's

@@ -59,7 +59,9 @@ class EquationBuilder(EquationCollection):
         condition = self.variable(f"{required.words} of {required.name}".removesuffix(" of "), "computed", "1")
         self.apply(condition, required.condition, required.span, required.name)
         values = tuple((words, self.reference(reference), unit) for words, reference, unit in required.readings)
-        return Validity(required.name, required.words, required.text, condition, values, required.span, required.stands)
+        return Validity(
+            required.name, required.words, required.text, condition, values, required.span, required.stands, required.refuses
+        )  # fmt: skip
 
     def apply(self, target: int, bound: Bound, span: Span, owner: str) -> None:
         """`target := formula(references)`, for a bound expression of the text."""

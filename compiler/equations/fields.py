@@ -12,16 +12,31 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 
-from ..algebra.expression import evaluate
-from ..algebra.formula import Bound
+from ..algebra.derivative import derivative
+from ..algebra.expression import (
+    ONE,
+    ZERO,
+    Expression,
+    Number,
+    Symbol,
+    add,
+    call,
+    evaluate,
+    multiply,
+    operations,
+    select,
+    symbols,
+)
+from ..algebra.formula import Bound, bind, over
 from ..errors import Diagnostic
 from ..graph.domains import DOMAINS
 from ..graph.elements import STORAGES, Kind
 from ..graph.inertia import inertia_notes
-from ..graph.network import BondGraph, Element, Law, PortVariable
+from ..graph.network import BondGraph, Element, Law, PortVariable, Quantity, Requirement
 from ..graph.placement import placement_notes
+from ..graph.run_time_parameters import behind
 from .errors import NotConservative
-from .laws import GIVEN
+from .laws import GIVEN, solved
 from .naming import port_name
 from .tangent import (
     Point,
@@ -58,6 +73,48 @@ def _by_equations(element: Element) -> bool:
 def _has_power(element: Element) -> bool:
     """Return True if effort times flow is a power at all ports, as in a plain model; of heat times temperature no sign says anything."""
     return all(DOMAINS[p.domain].is_balanced for p in element.ports)
+
+
+def field_checks(graph: BondGraph) -> tuple[list[Requirement], frozenset[str]]:
+    """Return what a program for all values must find of the parameters of linear storage fields, so that these have an energy; and the quantities that
+    decide it for others. Fields that have one for all values need neither."""
+    checks: list[Requirement] = []
+    decisive: list[str] = []
+    for node in graph.nodes:
+        if not isinstance(node, Element) or node.kind not in STORAGES or not _by_equations(node):
+            continue
+        slopes = min(_slopes(node), key=lambda s: sum(1 for row in s for x in row for _ in operations(x)), default=None)
+        if slopes is None or any(isinstance(s.key, PortVariable) for row in slopes for x in row for s in symbols(x)):
+            decisive += [a.name for a in node.arguments if isinstance(a, Quantity)] * (not slopes or not _alike(slopes))
+        elif (holds := _symmetric(slopes)) != ONE:
+            bound = bind(over(holds, node.arguments))
+            checks.append(Requirement(node.name, bound, f"the field `{node.name}`", "", (), node.span, None, True))
+    return checks, behind(decisive, graph.quantities)
+
+
+def _slopes(element: Element) -> Iterator[list[list[Expression]]]:
+    """Yield the Jacobians of a law, solved for one of its sides."""
+    sides = _sides(element.stored)
+    for given, wanted in (sides, sides[::-1]):
+        found = solved(Law(element.law.equations[: len(wanted)], None, element.law.arity), wanted)
+        if found is not None:
+            yield [[derivative(y, Symbol(x)) for x in given] for y in found]
+
+
+def _alike(slopes: list[list[Expression]]) -> bool:
+    return all(row[j] == slopes[j][i] for i, row in enumerate(slopes) for j in range(i))
+
+
+def _symmetric(slopes: list[list[Expression]]) -> Expression:
+    """1 if a matrix is symmetric up to round-off and rounded numbers, as in `_reciprocal`, else 0."""
+    holds: Expression = ONE
+    for i, row in enumerate(slopes):
+        for j in range(i):
+            a, b, own = row[j], slopes[j][i], call("abs", multiply(row[i], slopes[j][j]))
+            size = call("max", call("abs", a), call("abs", b))
+            least = add(multiply(Number(UNEQUAL), size), multiply(Number(COUPLED), call("sqrt", own)))
+            holds = holds if a == b else select(call("less_equal", call("abs", a - b), least), holds, ZERO)
+    return holds
 
 
 def _sides(stored: tuple[str, ...]) -> tuple[tuple[PortVariable, ...], tuple[PortVariable, ...]]:

@@ -197,6 +197,7 @@ class Validity:
     values: tuple[tuple[str, Argument, str], ...]  # name, variable or number, SI unit
     span: Span
     stands: Span | None
+    refuses: bool = False  # True for values with which the model has no meaning
 
 
 @dataclass(frozen=True, slots=True)

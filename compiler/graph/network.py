@@ -200,6 +200,7 @@ class Requirement:
     readings: tuple[tuple[str, Reference, str], ...]  # quantities in it: words, reference, SI unit
     span: Span
     stands: Span | None  # declaration of the instance
+    refuses: bool = False  # True for values with which the model has no meaning: nothing begins with them
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import re
 from collections.abc import Callable, Sequence, Set
 from typing import Any
 
@@ -48,6 +49,12 @@ static inline double larger(double a, double b) { return b > a ? b : a; }
 static inline int64_t fewer(int64_t a, int64_t b) { return b < a ? b : a; }
 static inline int64_t more(int64_t a, int64_t b) { return b > a ? b : a; }
 """
+
+
+def small_functions(text: str, own: str = "") -> str:
+    """Those of `BEGINNING`, and of others of one line each, that a text calls: compilers warn of the rest."""
+    lines = (BEGINNING + own).splitlines(keepends=True)
+    return "".join(x for x in lines if re.search(rf"\b{x.partition('(')[0].split()[-1]}\(", text))
 
 
 def c_source(exported: Sequence[Callable[..., Any]], left_out: Set[Callable[..., Any]] = frozenset()) -> str:

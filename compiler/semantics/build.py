@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import field, replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..fast_dataclass import dataclass
 from ..graph.domains import DOMAINS
-from ..graph.network import BondGraph, Named
+from ..graph.network import BondGraph, Requirement
 from ..graph.run_time_parameters import behind
 from ..scene import Plan, Scene
 from ..source import Source, Span
@@ -27,7 +27,7 @@ from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
 from .network.elaborate import Elaborator
 from .network.events import read_events, read_relays, read_stops
 from .network.nodes import Nodes
-from .network.requirements import read_requirements
+from .network.requirements import parameter_checks, read_requirements
 from .network.unconnected import unconnected
 from .resolution.elaboration_cache import MAXIMUM_PARTS, ElaborationCache
 from .resolution.solves import read_solves
@@ -43,6 +43,15 @@ class Built:
     positive: tuple[tuple[str, Bound], ...] = ()  # expressions that must not be negative; only a run knows their values
     structural: frozenset[str] = frozenset()  # quantities that decide which parts there are
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters that are one of several words
+
+    def checking(self, checks: Iterable[Requirement], fixed: Set[str] = frozenset()) -> Built:
+        """Return the same with checks at its start, and with constants in the place of parameters of these names."""
+        quantities = {
+            name: replace(named, role="constant") if named.role == "parameter" and name in fixed else named
+            for name, named in self.graph.quantities.items()
+        }
+        requirements = (*self.graph.requirements, *checks)
+        return replace(self, graph=replace(self.graph, quantities=quantities, requirements=requirements))
 
 
 def build_graph(
@@ -258,6 +267,7 @@ class _Opened:
         overrides = [replace(o, value=in_one_literal(o.value, names)) for o in overrides]
         elaborator = Elaborator(overrides, part, known)
         elaborator.diagnostics += [*earlier, *told]
+        elaborator.for_all_values = "*" in scene.free
         steps = experiment.steps if experiment is not None else ()
         elaborator.swept = tuple(s for s in steps if isinstance(s, tree.SweepSyntax))
         elaborator.open_root(definition)
@@ -301,17 +311,11 @@ class _Opened:
             elaborator.diagnostics += unconnected(graph)
         choices = {p.name: tuple(word for word, _ in p.item.choices) for p in elaborator.pending if p.item.choices}
         structural = behind(elaborator.structural, graph.quantities)
-        if "*" in self.scene.free:  # a program for all values is one for these parts alone
-            graph = replace(graph, quantities=_with_constants(graph.quantities, structural))
-        return Built(graph, plan, (), tuple(elaborator.positive), structural, choices)
-
-
-def _with_constants(quantities: Mapping[str, Named], names: Set[str]) -> dict[str, Named]:
-    """Return quantities of which parameters of these names are constants."""
-    return {
-        name: replace(named, role="constant") if named.role == "parameter" and name in names else named
-        for name, named in quantities.items()
-    }
+        built = Built(graph, plan, (), tuple(elaborator.positive), structural, choices)
+        if "*" not in self.scene.free:
+            return built
+        # A program for all values is one for these parts alone.
+        return built.checking(parameter_checks(elaborator, graph.quantities), structural)
 
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:

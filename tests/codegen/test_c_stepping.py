@@ -183,6 +183,19 @@ def test_what_cannot_go_on_has_a_status(tmp_path: Path) -> None:
         stepped(bondgraph.load(text).compile("c"), step, 2.0, tmp_path, status=status)
     code = bondgraph.load(sampled).compile("c").replace("A_defaults[] = {1.0", "A_defaults[] = {0.4")
     stepped(code, 0.1, 1.0, tmp_path, status=5)
+    table = "plain model A { parameter b = 1\n signal x = integral(1, 0)\n output y = linear(x, (0, b, 3), (0, 1, 2)) }"
+    code = bondgraph.load(table).compile("c").replace("A_defaults[] = {1.0", "A_defaults[] = {3.5")
+    stepped(code, 0.1, 1.0, tmp_path, status=7)
+
+
+def test_what_other_compilers_warn_of_is_not_there() -> None:
+    """One compiler warns of inline functions that nothing calls, and of a number that is negated as a condition."""
+    moves = "plain model A { signal x = integral(1 if not (x > 0.5 and x < 0.7) else 2, 0)\n output y = x }"
+    for text in (HEATER, BALL, moves, "plain model B { output y = integral(1, 0) }"):
+        code = bondgraph.load(text).compile("c")
+        names = re.findall(r"^static inline [\w ]*?\*?(\w+)\(", code, re.MULTILINE)
+        assert [name for name in names if len(re.findall(rf"\b{name}\b", code)) < 2] == []
+        assert not re.search(r"(!|&& |\|\| )mode\[|\bmode\[\d+\] (&&|\|\|)", code)
 
 
 @needs_compiler

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph.commands import commands
+from bondgraph.errors import RunFailed
 from compiler.errors import CompilationFailed
 from tests.exchange.unit_files import FMICallException, exported, instance, run
 
@@ -46,6 +47,32 @@ STIFF = """plain model Kinetics {
   experiment long { simulate 0 .. 10 }
 }
 """
+REFUSING = """plain model Refusing {
+  parameter b = 1, length = 1, period = 1, seed = 1, a = 1, c = 1
+  signal x = integral(1 + noise(time, period, seed), sqrt(a))
+  output y = linear(mod(x, length), (0, b, 3), (0, 1, 2)), z = x/c
+}"""
+COUPLED = """model Coupled {
+  parameter M = 5e-4
+  Se s : u = 1 V
+  R r : u = 1 ohm*i
+  I coils(a, b) : a.lambda = 1 mH*a.i + 1 H*M*b.i, b.lambda = 0.5 mH*a.i + 2 mH*b.i
+  R q : u = 2 ohm*i
+  1 l : electric
+  1 k : electric
+  s -> l -> r, coils.a
+  k -> q, coils.b
+  output i = coils.a.i
+}"""
+TURNING = """model Turning {
+  parameter load = 1 kg, J = 1 kg*m^2
+  multibody M : planar {
+    gravity = (0, -9.81 [m/s^2])
+    body bar { mass = load, inertia = J, at = (1 m, 0 m) }
+    hinge pin : ground to bar { at = (0 m, 0 m) }
+  }
+  output angle = M.pin.phi
+}"""
 LIMITED = """plain model Limited {
   Sf a : f = 1
   0 one
@@ -251,11 +278,31 @@ def test_limits_of_a_model_are_told(tmp_path: Path) -> None:
         assert told == []
         unit.doStep(0.5, 0.5)
         unit.doStep(1.0, 0.25)
-        assert told == [(1, "A requirement of the model does not hold any more.")]
+        assert [status for status, _ in told] == [1] and "does not hold any more" in told[0][1]
         assert unit.getReal([place["u"]])[0] == pytest.approx(3.75, rel=1e-9)
         with pytest.raises(FMICallException):
             unit.doStep(1.25, 0.5)
-        assert told[1:] == [(3, "A table of the model is asked outside of its range.")]
+        assert [status for status, _ in told[1:]] == [3] and "is asked outside of its range" in told[1][1]
+
+
+def test_parameters_that_a_run_refuses_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Places of tables and lengths, a seed, a start and an output without a value; a tensor of inertia, and a field that has no energy."""
+    refused = {
+        REFUSING: {"b": (3.5, "`linear`"), "length": (0, "`mod`"), "period": (-1, "`noise`"), "seed": (1.5, "`noise`"), "a": (-1, "not finite"), "c": (0, "not finite")},
+        COUPLED: {"M": (6e-4, "the field `coils`")},
+        TURNING: {"load": (-1, "mass of bar"), "J": (-1, "inertia of bar")},
+    }  # fmt: skip
+    for number, (text, settings) in enumerate(refused.items()):
+        (folder := tmp_path / str(number)).mkdir()
+        exported(text, folder)
+        for name, (value, words) in settings.items():
+            with pytest.raises((CompilationFailed, RunFailed)):
+                bondgraph.load(text).simulate(to=1, points=2, settings={name: value})
+            with pytest.raises(FMICallException), instance(folder, values={name: value}):
+                pass
+            assert words in capsys.readouterr().out
+        with instance(folder) as (unit, _):
+            unit.doStep(0.0, 0.1)
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)

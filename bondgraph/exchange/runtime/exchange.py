@@ -26,7 +26,7 @@ from .instance import (
     FmuInstance,
 )
 from .segment import INFINITE, forget
-from .values import check_limits, find_rates, may_start, settle
+from .values import check_limits, check_start, find_outputs, find_rates, may_start, settle
 
 LEAST, LARGEST = 1e-13, 0.1  # relative tolerances
 LAST_TIME, TERMINATED_STATUS = 2, 3  # kinds of status that an importer asks for
@@ -73,12 +73,17 @@ def end_initialization(s: FmuInstance) -> int:
         s.message = NOT_NOW
         return ERROR
     settle(s)
+    failed = check_start(s)
+    if failed != OK:
+        return failed
     s.phase = RUNNING if s.makes_steps != 0 and (s.makes_steps & EVENT_MODE) == 0 else EVENTS
     failed = pass_instant(s)
     if s.has_events != 0:
         s.events.begins = 1
     if failed == OK:
         failed = find_rates(s)
+    if failed == OK:
+        failed = find_outputs(s)
     if failed != OK:
         return failed
     return check_limits(s)

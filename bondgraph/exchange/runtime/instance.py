@@ -13,11 +13,13 @@ INSTANTIATED, INITIALIZING, EVENTS, RUNNING, TERMINATED, FAILED = 0, 1, 2, 3, 4,
 KEPT = OFTEN + 1  # intervals kept for each event: the last ones, and the longest
 # Bits of `makes_steps`: the importer lets events act; a step may end before its communication point.
 EVENT_MODE, EARLY_RETURN = 2, 4
+REQUIREMENT, TABLE, START = 0, 1, 2  # kinds of limits
 # Messages, by their numbers in `messages.py`.
 (
-    SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, LIMIT_LEFT, TABLE_LEFT, WRONG_TIME, NO_SLOPE,
+    SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, WRONG_TIME, NO_SLOPE,
     SLIDES, WITHOUT_END, PILED_UP, SET_TWICE, WRONG_SAMPLING, ENDED, CROWDED,
-) = range(17)  # fmt: skip
+    LIMITS,  # and on: each limit of the model
+) = range(16)  # fmt: skip
 
 
 class EventData(Record):
@@ -116,7 +118,7 @@ class FmuInstance(Record):
     slope_columns: Ints  # slope_count: states, then inputs
     slopes: Floats = sized("slope_count")
     seed: Floats = sized("seeds")
-    is_table: Ints  # for each limit 1 where nothing is known beyond it
+    limit_kind: Ints  # for each limit: a requirement, a range of a table, values with which the model has no meaning
     limit_place: Ints  # for each limit the first of its values: of a table the argument and both ends
     limit_values: Floats = sized("limit_numbers")
     time: float

@@ -13,14 +13,15 @@ from .instance import (
     EVENTS,
     INITIALIZING,
     INSTANTIATED,
-    LIMIT_LEFT,
+    LIMITS,
     NO_SLOPE,
     NO_VALUE,
     NOT_FINITE,
     NOT_NOW,
     OK,
+    REQUIREMENT,
     RUNNING,
-    TABLE_LEFT,
+    START,
     WARNING,
     FmuInstance,
 )
@@ -71,6 +72,10 @@ def find_outputs(s: FmuInstance) -> int:
     w = s.solver
     if s.outputs_known == 0 and s.output_count > 0:
         s.find_output(inside(s), s.state, w.inputs, w.constants, w.mode, s.outputs)
+        for i in range(s.output_count):
+            if not isfinite(s.outputs[i]):
+                s.message = NOT_FINITE
+                return ERROR
         s.outputs_known = 1
     return OK
 
@@ -286,20 +291,39 @@ def judge_limits(s: FmuInstance, time: float, state: Floats) -> int:
     for k in range(w.limit_count):
         if w.truth[k] == 1.0 or w.left[k] != 0:
             continue
-        if s.is_table[k] == 0:
+        if s.limit_kind[k] == REQUIREMENT:
             w.left[k] = 1
-            s.message = LIMIT_LEFT
+            s.message = LIMITS + k
             answer = WARNING
             continue
+        if s.limit_kind[k] == START:
+            s.message = LIMITS + k
+            return ERROR
         s.find_limits(time, state, w.inputs, w.constants, w.mode, s.limit_values)
         at = s.limit_place[k]
         x = s.limit_values[at]
         low = s.limit_values[at + 1]
         high = s.limit_values[at + 2]
         if not max(low - x, x - high) <= s.relative * (high - low):
-            s.message = TABLE_LEFT
+            s.message = LIMITS + k
             return ERROR
     return answer
+
+
+def check_start(s: FmuInstance) -> int:
+    """Refuse parameters with which the model has no meaning, and starts that are not finite."""
+    w = s.solver
+    for i in range(w.n):
+        if not isfinite(s.state[i]):
+            s.message = NOT_FINITE
+            return ERROR
+    if w.limit_count > 0:
+        w.holds(inside(s), s.state, w.inputs, w.constants, w.mode, w.truth)
+    for k in range(w.limit_count):
+        if s.limit_kind[k] == START and w.truth[k] != 1.0:
+            s.message = LIMITS + k
+            return ERROR
+    return OK
 
 
 def may_start(s: FmuInstance) -> int:

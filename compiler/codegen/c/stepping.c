@@ -19,8 +19,8 @@ enum {
 /* What a function returns: events without end within a step, among them a law that jumps and on whose jump the motion stays (dry friction
    under a load: give it a mode that sticks, or a smooth law), or at an instant; two events that set one thing at an instant; a limit of the
    model that does not hold; a step, period, offset, delay or jitter out of its range; a state or output that is no finite number, as where the
-   step is too long for the fastest mode. */
-enum { NAME_fine = 0, NAME_piled_up, NAME_without_end, NAME_set_twice, NAME_beyond_limit, NAME_wrong_time, NAME_not_finite };
+   step is too long for the fastest mode; parameters with which the model has no meaning (@checks@). */
+enum { NAME_fine = 0, NAME_piled_up, NAME_without_end, NAME_set_twice, NAME_beyond_limit, NAME_wrong_time, NAME_not_finite, NAME_no_model };
 
 struct NAME_model {
     double step, time, count; /* the instant is count*step */
@@ -37,12 +37,7 @@ struct NAME_model {
 
 @lists@
 
-static inline void NAME_nothing(double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out)
-{
-    (void)time; (void)state; (void)inputs; (void)constants; (void)mode; (void)out;
-}
-
-static double NAME_tick(const struct NAME_model *model, int sample)
+@nothing@static double NAME_tick(const struct NAME_model *model, int sample)
 {
     const double *row = model->sampling + 5 * sample;
     const double number = model->number[sample];
@@ -288,8 +283,8 @@ void NAME_defaults_of(struct NAME_inputs *in)
 /* Begin: parameters in the order of NAME_parameters, and the step. */
 int NAME_init(struct NAME_model *model, const double *parameters, double step)
 {
-    double period[NAME_n_periods + 1] = {0};
-    int i, k, wrong = !(step > 0.0);
+    double period[NAME_n_periods + 1] = {0}, holds[NAME_n_limits + 1] = {0};
+    int i, k, wrong = !(step > 0.0), status = NAME_fine;
     model->step = step;
     model->time = 0.0;
     model->count = 0.0;
@@ -322,7 +317,14 @@ int NAME_init(struct NAME_model *model, const double *parameters, double step)
     for (i = 0; i < NAME_n_periods; i++) {
         wrong |= !(step <= fabs(period[i]));
     }
-    return wrong ? NAME_wrong_time : NAME_fine;
+    NAME_holds(0, model->state, model->inputs, model->constants, model->mode, holds);
+    for (i = 0; NAME_checks[i] >= 0; i++) {
+        status = holds[NAME_checks[i]] > 0.5 ? status : NAME_no_model;
+    }
+    for (i = 0; i < NAME_n_states && status == NAME_fine; i++) {
+        status = isfinite(model->state[i]) ? NAME_fine : NAME_not_finite;
+    }
+    return wrong ? NAME_wrong_time : status;
 }
 
 /* One step: inputs of this instant, outputs of this instant, and on to the next. */

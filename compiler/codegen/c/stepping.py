@@ -19,6 +19,14 @@ _KEYWORDS = re.compile(
 )
 
 
+_NOTHING = """static inline void NAME_nothing(double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out)
+{
+    (void)time; (void)state; (void)inputs; (void)constants; (void)mode; (void)out;
+}
+
+"""  # in the place of functions that a model without events has not
+
+
 def obstacle(lowered: Lowered) -> str | None:
     """The first thing of a model for which the loop has no method, as the subject of a sentence; None if there is none."""
     space, names = lowered.space, lowered.space.variables
@@ -57,6 +65,7 @@ def _values(lowered: Lowered) -> dict[str, str]:
         "timed": events.timed, "counted": [c.position for c in events.counts],
         "places": [c.position for c in conditions], "strict": [int(c.strict) for c in conditions],
         "sampled": sampled, "late": [int(e.late) for e in events.events], "owner": [i for i, _ in settings],
+        "checks": [*(i for i, x in enumerate(lowered.limits) if x.note.kind == "start"), -1],
         "position": [s.position for _, s in settings], "is_mode": [int(s.kind == "mode") for _, s in settings],
     }  # fmt: skip
     counts = {
@@ -68,7 +77,8 @@ def _values(lowered: Lowered) -> dict[str, str]:
     return {
         "input_fields": _lines(f"double {name};" for name in inputs) or "    int none;",
         "output_fields": _lines(f"double {name};" for name in outputs) or "    int none;",
-        "counts": "NAME_counts" if events.present else "NAME_nothing",
+        "checks": ", ".join(x.note.words for x in lowered.limits if x.note.kind == "start") or "none",
+        "nothing": "" if events.present else _NOTHING, "counts": "NAME_counts" if events.present else "NAME_nothing",
         "sizes": _lines(f"NAME_n_{word} = {count}," for word, count in counts.items()),
         "lists": "\n".join(f"static const int NAME_{name}[] = {{{', '.join(map(str, [*v, 0]))}}};" for name, v in lists.items()),
         "inputs_default": _lines(f"in->{name} = NAME_input_defaults[{i}];" for i, name in enumerate(inputs)) or "    in->none = 0;",

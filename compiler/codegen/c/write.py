@@ -15,7 +15,7 @@ from ...algebra.operators import CONDITIONS, OPERATORS
 from ...algebra.systems import LEADING, SYSTEMS, shape_of
 from ...algebra.table import lists, order_of
 from ...errors import printable
-from ...jit.c_source import BEGINNING, c_number, c_source
+from ...jit.c_source import c_number, c_source, small_functions
 from ..description import name_tables
 from ..functions import ProgramFunction
 from ..limits import Leaf
@@ -82,15 +82,16 @@ class _File:
         support = [runtime.BY_OPERATOR[o] for o in sorted(self.called)]
         support_text = c_source(list(dict.fromkeys([*support, *([random_number] if self.steps else [])])))
         points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
-        parts = [self._head(counts), BEGINNING, _OWN, support_text, *points, "", *functions]
-        return "\n".join([*parts, *([stepping(self.lowered, self.prefix)] if self.steps else [])])
+        steps = [stepping(self.lowered, self.prefix)] if self.steps else []
+        text = "\n".join([support_text, *points, "", *functions, *steps])
+        return "\n".join([self._head(counts), small_functions(text, _OWN), text])
 
     def _head(self, counts: Sequence[tuple[str, int]]) -> str:
         name = self.prefix
         sizes = "".join(f"    {name}_{word}_count = {count},\n" for word, count in counts)
         tables = []
         for heading, rows in name_tables(self.lowered):
-            items = "".join(f"    {{{_string(n)}, {_string(u)}}},\n" for n, u in rows)
+            items = "".join(f"    {{{c_string(n)}, {c_string(u)}}},\n" for n, u in rows)
             tables.append(
                 f"const char *const {name}_{heading.lower()}[][2] = {{ /* name, SI unit */\n{items}    {{0, 0}}\n}};\n"
             )
@@ -158,6 +159,11 @@ class _Body:
             return c_number(node.value)
         return self.names.get(node) or self.known[node]
 
+    def _truth(self, node: Expression) -> str:
+        """The name of a condition, or a number as one."""
+        name = self._name(node)
+        return name if isinstance(node, Apply) and node.operator in CONDITIONS else f"({name} != 0)"
+
     def _all(self, nodes: Sequence[Expression]) -> list[str]:
         return [self._name(n) for n in nodes]
 
@@ -191,16 +197,16 @@ class _Body:
             case "power":
                 return self._power(*operands)
             case "select":
-                return f"chosen({', '.join([f'{self._name(operands[0])} != 0', *self._all(operands[1:])])})"
+                return f"chosen({', '.join([self._truth(operands[0]), *self._all(operands[1:])])})"
             case "not":
-                return f"!{self._name(operands[0])}"
+                return f"!{self._truth(operands[0])}"
             case "item":
                 index = operands[1]
                 assert isinstance(index, Number)
                 return f"{self._name(operands[0])}[{int(index.value)}]"
         name = OPERATORS[operator].in_c
         if operator in CONDITIONS:
-            return f" {name} ".join(self._all(operands))
+            return f" {name} ".join(map(self._truth, operands) if operator in ("and", "or") else self._all(operands))
         return f"{name}({', '.join(self._all(operands))})"
 
     def _power(self, base: Expression, exponent: Expression) -> str:
@@ -242,7 +248,7 @@ class _Body:
         return f"{self.slopes[key]}[{int(number.value)}]"
 
 
-def _string(text: str) -> str:
+def c_string(text: str) -> str:
     """A string literal in UTF-8. Bytes that C or a terminal would interpret are written as octal numbers."""
     plain = "".join(chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}" for b in text.encode("utf-8"))
     return f'"{plain}"'

@@ -6,9 +6,22 @@ The points of a table and the seed of a noise are known before the run. Literal 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from itertools import pairwise
 
-from ...algebra.expression import Apply, Expression, Number, add, divide, evaluate, multiply, operations
+from ...algebra.expression import (
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    add,
+    call,
+    divide,
+    evaluate,
+    multiply,
+    operations,
+    select,
+)
 from ...algebra.interpolate import OutsideTable
 from ...algebra.table import KINDS, noise, table
 from ...fast_dataclass import dataclass
@@ -236,6 +249,23 @@ def check_static(check: Check, value: Callable[[Expression], float | None]) -> N
         _check_noise(check, known, [x for x in values if x is not None])
     elif len(known) == len(places):
         _check_rising(check, known)
+
+
+def must_hold(check: Check, put: Callable[[Expression], Expression | None]) -> list[Expression]:
+    """Return expressions that are negative where `check_static` raises `Wrong`; `put` returns one over what is known before the run, else None."""
+    places, values = ([x for x in map(put, part) if x is not None] for part in (check.places, check.values))
+    if check.function == "noise":
+        whole = [call("equal", x, call("floor", x)) for x in values]
+        conditions = [*(call("less", ZERO, x) for x in places), *whole]
+    elif check.function in DIVISORS and len(places) == len(check.places):
+        size = places[0] if check.function == "pwm" else call("abs", places[0])
+        least = multiply(Number(SINGULAR), places[-1]) if len(places) > 1 else ZERO
+        conditions = [call("less", least, size)]
+    else:
+        conditions = [call("less", a, b) for a, b in pairwise(places) if check.function in KINDS]
+    guards = [g for g in map(put, check.guards) if g is not None and check.function not in KINDS]
+    signs = [select(x, Number(1.0), Number(-1.0)) for x in conditions]
+    return [reduce(lambda sign, guard: select(guard, sign, Number(1.0)), guards, sign) for sign in signs]
 
 
 def settle_divisor(checks: list[Check], function: str, span: Span, *sizes: Expression) -> None:

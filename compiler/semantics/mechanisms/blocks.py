@@ -14,6 +14,7 @@ from ..names.errors import UnknownAttribute, UnknownName, WrongMechanism, WrongT
 from ..names.part_kinds import instead_in_the_plane, kinds_of, noun_of
 from ..names.scope import Array, Broken, DeclaredPart, MechanismEntry, PartEntry, Scope
 from ..names.statement_errors import Wrong, suggestion
+from ..resolution.conditions import in_order, known_or_later
 from ..resolution.declarations import Declarations
 from ..resolution.structure import taken
 from .bodies import read_body, read_frame
@@ -163,9 +164,10 @@ def _limit(reader: PartAttributes, words: str, attribute: tree.Attribute) -> Req
 
 
 def _check_order(reader: PartAttributes, attribute: tree.Attribute, low: Bound, high: Bound) -> None:
-    first, second = (reader.resolver.value_of(b, attribute.span) for b in (low, high))
-    if first is not None and second is not None and first > second:
-        what = f"The limits of `{reader.part.entry.name}` are the wrong way round: {first:g} is more than {second:g}"
+    name = reader.part.entry.name
+    known = known_or_later(reader.resolver, (low, high), attribute.span, f"limits of {name}", in_order)
+    if known is not None and known[0] > known[1]:
+        what = f"The limits of `{name}` are the wrong way round: {known[0]:g} is more than {known[1]:g}"
         raise Wrong(WrongMechanism(attribute.value.span, what, "The lower one comes first."))
 
 

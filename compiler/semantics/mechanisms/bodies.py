@@ -11,7 +11,7 @@ from ..names.errors import UnknownName, WrongMechanism, WrongType
 from ..names.part_kinds import noun_of
 from ..names.scope import Array, Broken, MechanismEntry, PartEntry, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
-from ..resolution.conditions import known_or_later, takes_energy
+from ..resolution.conditions import known_or_later, not_negative, takes_energy
 from .part_attributes import PartAttributes, counted, of_dimension, static
 
 MOMENT = KILOGRAM * METRE**2
@@ -37,11 +37,9 @@ def read_body(reader: PartAttributes) -> Body:
 
 def _not_negative(reader: PartAttributes, word: str, bound: Bound) -> Bound:
     name, span = reader.part.entry.name, reader.part.entry.span
-    value = reader.resolver.value_of(bound, span, decides=False)
-    if value is None:
-        reader.resolver.positive.append((f"{word} of {name}", bound))
-    elif value < 0:
-        what = f"The {word} of `{name}` is negative: {value:g}"
+    known = known_or_later(reader.resolver, [bound], span, f"{word} of {name}", not_negative)
+    if known is not None and known[0] < 0:
+        what = f"The {word} of `{name}` is negative: {known[0]:g}"
         raise Wrong(WrongMechanism(span, what, "Masses and inertias are zero or positive."))
     return bound
 

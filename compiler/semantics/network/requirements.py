@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from ...graph.network import Requirement
+from collections.abc import Iterator, Mapping
+
+from ...algebra.expression import ONE as TRUE
+from ...algebra.expression import ZERO, Expression, call, select
+from ...algebra.formula import bind
+from ...graph.network import Named, Requirement
+from ...graph.run_time_parameters import behind, quantities_in
 from ...graph.units import ONE
 from ...syntax import tree
 from ..names.scope import STATIC_ROLES, Scope
@@ -16,6 +22,17 @@ def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
     """Conditions of all instances, and limits of joints. Errors are collected."""
     found = [elaborator.guard(_read, elaborator, scope, statement) for scope, statement in elaborator.requirements]
     return (*(item for item in found if item is not None), *elaborator.limits)
+
+
+def parameter_checks(elaborator: Elaborator, quantities: Mapping[str, Named]) -> Iterator[Requirement]:
+    """Yield what a program for all values must find of its parameters before it begins."""
+    conditions: dict[str, Expression] = {}
+    for words, bound in elaborator.positive:
+        if any(quantities[name].role == "parameter" for name in behind(quantities_in(bound), quantities)):
+            conditions[words] = select(call("less_equal", ZERO, bound.expression), conditions.get(words, TRUE), ZERO)
+    span = elaborator.root.definition.model.name_span
+    for words, condition in conditions.items():
+        yield Requirement("", bind(condition), words, "", (), span, None, True)
 
 
 def _read(elaborator: Elaborator, scope: Scope, statement: tree.RequirementSyntax) -> Requirement:

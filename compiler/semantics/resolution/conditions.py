@@ -23,19 +23,30 @@ def known_or_later(
 ) -> list[float] | None:
     """Return the values, or None if one of them is not known yet.
 
-    In the second case the expressions that `condition` makes of them are added to `positive`: they must not be negative when a run begins.
+    In the second case, and in a program for all values, the expressions that `condition` makes of them are added to `positive`: they must not be
+    negative when a run begins.
     """
     values = [resolver.value_of(b, span, decides=False) for b in bounds]
     known = [v for v in values if v is not None]
-    if len(known) == len(values):
-        return known
-    resolver.positive += [(words, bind(x)) for x in condition([b.expression for b in bounds])]
-    return None
+    missing = len(known) < len(values)
+    if missing or resolver.for_all_values:
+        resolver.positive += [(words, bind(x)) for x in condition([b.expression for b in bounds])]
+    return None if missing else known
 
 
 def not_zero(numbers: Sequence[Expression]) -> list[Expression]:
     """Condition that at least one value differs from zero."""
     return [_less(_squares(numbers))]
+
+
+def not_negative(numbers: Sequence[Expression]) -> list[Expression]:
+    """Condition that no value is negative."""
+    return [*numbers]
+
+
+def in_order(numbers: Sequence[Expression]) -> list[Expression]:
+    """Condition that the second of two values is not smaller than the first."""
+    return [add(numbers[1], negate(numbers[0]))]
 
 
 def rising(numbers: Sequence[Expression]) -> list[Expression]:

@@ -26,7 +26,7 @@ from ...source import Span
 from ...syntax import tree
 from ..expressions.expression_compiler import ExpressionCompiler
 from ..expressions.scales import scale_of
-from ..expressions.tables import DIVISORS, check_static
+from ..expressions.tables import DIVISORS, check_static, must_hold
 from ..expressions.template import Check, CompiledLaw, Readable, Slot, Template, Typed, bind_template
 from ..names.errors import NO_NAMES, AbsentName, NotStatic, NoValue, TooManyMistakes, UnknownName, WrongIndex, WrongType
 from ..names.foreign_words import name_advice
@@ -79,6 +79,9 @@ class Resolver(ABC):
         self.structural: set[str] = set()  # quantities that decide which parts there are
         self.asked: dict[str, Span] = {}  # quantities without a value whose value decides something, and where it does
         self.positive: list[tuple[str, Bound]] = []  # expressions that a run must find not negative
+        self.for_all_values = (
+            False  # True for a program that begins with any values of its parameters, and checks them itself
+        )
         self.diagnostics: list[Diagnostic] = []
         self._causes: set[tuple[str, str, int, str]] = set()
         self.quantities: dict[str, Named] = {}
@@ -245,16 +248,29 @@ class Resolver(ABC):
             # points are looked at in any branch: what turns a table round needs them
             if check.function in KINDS or not any(self._fails(guard, check, slots, scope) for guard in check.guards):
                 check_static(check, lambda x, check=check: self._point(x, check, slots, scope))  # type: ignore[misc]
+            if self.for_all_values:
+                words = f"`{check.function}` (line {check.span.line})"
+                self.positive += [
+                    (words, bind(x)) for x in must_hold(check, lambda x: self._over_static(x, slots, scope))
+                ]
 
     def _fails(self, guard: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> bool:
         """Return True for a condition that is known before the run, and false."""
-        bound = bind(guard)
+        bound = self._static_bound(guard, slots, scope)
+        return bound is not None and self.value_of(bound, check.span, check.function not in DIVISORS) == 0.0
+
+    def _static_bound(self, x: Expression, slots: Sequence[Slot], scope: Scope) -> Bound | None:
+        """An expression over what is known before the run; None if it reads anything else."""
+        bound = bind(x)
         scalars = [self.scalar_at(slots[key], scope) if isinstance(key, int) else None for key in bound.arguments]
         if any(scalar is None or scalar.role not in STATIC_ROLES for scalar in scalars):
-            return False
-        arguments = tuple(scalar.reference for scalar in scalars if scalar is not None)
-        decides = check.function not in DIVISORS
-        return self.value_of(Bound(bound.formula, arguments), check.span, decides) == 0.0
+            return None
+        return Bound(bound.formula, tuple(scalar.reference for scalar in scalars if scalar is not None))
+
+    def _over_static(self, x: Expression, slots: Sequence[Slot], scope: Scope) -> Expression | None:
+        """The same with its quantities put in."""
+        bound = self._static_bound(x, slots, scope)
+        return None if bound is None else bound.expression
 
     def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
         """Value of a point of a table, or of a length; None if it has none yet. Raises `Wrong` for a point that changes during a run."""
