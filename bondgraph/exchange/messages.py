@@ -17,7 +17,7 @@ _SENTENCES = {
     instance.PILED_UP: "Events accumulate: end them by a mode that an event sets where little is left.",
     instance.SET_TWICE: "Two events set one quantity at one instant.",
     instance.WRONG_SAMPLING: "The period, offset, delay, jitter or seed of a sampled event is out of its range.",
-    instance.CROWDED: "A condition changes too often within a step to be followed.",
+    instance.CROWDED: "A condition changes too often within a step to be followed: it may be nothing but the rounding of terms that cancel.",
     instance.ENDED: "An event has ended the run.",
 }  # fmt: skip
 MESSAGES = tuple(_SENTENCES.get(number, "") for number in range(instance.LIMITS))

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.machine_code
 KINDS = ("ModelExchange", "CoSimulation")
 SERVO = servo(" offset 3 ms delay 2 ms jitter 4 ms seed 3")
 ENDLESS = {
+    "rounding of terms that cancel": "plain model A { mode n = 0\n signal x = integral(y, 0), y = integral(-x, 1)\n when (x + y)^2 - x^2 - y^2 - 2*x*y > 0 { n = n + 1 }\n output a = n }",
     "Events accumulate": BALL.replace(" if -e*mass.v >= v_min else 0 [m/s]", "").replace("1 if -e*mass.v >= v_min else 0", "1"),
     "cause each other": CHAIN.replace("when u > 1", "when x > 2.5 and b > 0").replace("b = -x }", "b = -1 }\n when x > 2.5 and b < 0 { b = 1 }"),
     "set one quantity": CHAIN.replace("when u > 1", "when x > 2.5 { b = 7 }\n when 2*x > 5"),
@@ -313,7 +314,7 @@ def test_events_that_do_not_end_are_errors(words: str, tmp_path: Path, capsys: p
     from fmpy.fmi1 import FMICallException
 
     exported(ENDLESS[words], tmp_path)
-    for kind in KINDS:
+    for kind in KINDS[1:] if "rounding" in words else KINDS:
         with pytest.raises(FMICallException):
             run(tmp_path, kind, rtol=1e-8, stop_time=3.0, output_interval=0.1)
         assert words in capsys.readouterr().out

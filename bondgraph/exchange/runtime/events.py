@@ -28,6 +28,7 @@ from .segment import collect_ticks, enter_segment, forget
 
 BEYOND, ALIKE, SHRUNK = float(events.BEYOND), float(events.ALIKE), events.SHRUNK
 MOST_AT_ONCE = events.MOST_AT_ONCE
+SOON = 1e-6  # of a step
 NOTHING, CUT, UNSURE, FAILED = 0, 1, 2, 3  # answers of the search for an event in a step
 
 
@@ -236,7 +237,9 @@ def cut_at_event(s: FmuInstance) -> int:
     for part in range(parts):
         end = w.time if part + 1 == parts else start + (w.time - start) * float(part + 1) / float(parts)
         answer = first_crossing(w, k, begin, end)
-        if answer == LEFT:
+        if answer == FOUND:  # where terms cancel, roots are rounding: they cross as often as one looks
+            s.events.crowded = s.events.crowded + 1 if k.found - start <= SOON * (w.time - start) else 0
+        if answer == LEFT or s.events.crowded > MOST_AT_ONCE:
             s.message = CROWDED
             return FAILED
         if answer == FOUND and is_sure(w, k, start, k.found):

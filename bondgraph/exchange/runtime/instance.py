@@ -70,6 +70,7 @@ class EventData(Record):
     resets: int  # 1 if a state was set at this instant
     ended: int
     located: int  # 1 if the last step was cut at an event
+    crowded: int  # times in a row that a crossing was found where its step begins
     done: float  # up to here all that is due has acted
     recent: float  # instant from which on events count as simultaneous
     simultaneous: int
