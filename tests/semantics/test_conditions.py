@@ -75,6 +75,7 @@ class Resolver:
     def __init__(self, **known: float | None) -> None:
         self.known = known
         self.positive: list[tuple[str, Bound]] = []
+        self.for_all_values = False
 
     def value_of(self, bound: Bound, span: Span, decides: bool) -> float | None:
         assert span is SPAN and decides is False
@@ -90,6 +91,9 @@ def test_known_numbers_are_returned_and_unknown_ones_become_conditions_of_the_ru
     known = Resolver(a=3.0, b=0.0)
     assert known_or_later(cast(Any, known), bounds("a", "b"), SPAN, "length", not_zero) == [6.0, 0.0]
     assert known.positive == []
+    known.for_all_values = True
+    assert known_or_later(cast(Any, known), bounds("a", "b"), SPAN, "length", not_zero) == [6.0, 0.0]
+    assert [words for words, _ in known.positive] == ["length"]
     later = Resolver(a=3.0, b=None)
     assert known_or_later(cast(Any, later), bounds("a", "b"), SPAN, "length", not_zero) is None
     ((words, bound),) = later.positive

@@ -22,6 +22,7 @@ from ...algebra.expression import (
     operations,
     select,
 )
+from ...algebra.formula import Bound
 from ...algebra.interpolate import OutsideTable
 from ...algebra.table import KINDS, noise, table
 from ...fast_dataclass import dataclass
@@ -251,9 +252,9 @@ def check_static(check: Check, value: Callable[[Expression], float | None]) -> N
         _check_rising(check, known)
 
 
-def must_hold(check: Check, put: Callable[[Expression], Expression | None]) -> list[Expression]:
+def must_hold(check: Check, put: Callable[[Expression], Bound | None]) -> list[Expression]:
     """Return expressions that are negative where `check_static` raises `Wrong`; `put` returns one over what is known before the run, else None."""
-    places, values = ([x for x in map(put, part) if x is not None] for part in (check.places, check.values))
+    places, values = ([x.expression for x in map(put, part) if x is not None] for part in (check.places, check.values))
     if check.function == "noise":
         whole = [call("equal", x, call("floor", x)) for x in values]
         conditions = [*(call("less", ZERO, x) for x in places), *whole]
@@ -263,7 +264,7 @@ def must_hold(check: Check, put: Callable[[Expression], Expression | None]) -> l
         conditions = [call("less", least, size)]
     else:
         conditions = [call("less", a, b) for a, b in pairwise(places) if check.function in KINDS]
-    guards = [g for g in map(put, check.guards) if g is not None and check.function not in KINDS]
+    guards = [g.expression for g in map(put, check.guards) if g is not None and check.function not in KINDS]
     signs = [select(x, Number(1.0), Number(-1.0)) for x in conditions]
     return [reduce(lambda sign, guard: select(guard, sign, Number(1.0)), guards, sign) for sign in signs]
 

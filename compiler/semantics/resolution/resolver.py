@@ -251,7 +251,7 @@ class Resolver(ABC):
             if self.for_all_values:
                 words = f"`{check.function}` (line {check.span.line})"
                 self.positive += [
-                    (words, bind(x)) for x in must_hold(check, lambda x: self._over_static(x, slots, scope))
+                    (words, bind(x)) for x in must_hold(check, lambda x: self._static_bound(x, slots, scope))
                 ]
 
     def _fails(self, guard: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> bool:
@@ -266,11 +266,6 @@ class Resolver(ABC):
         if any(scalar is None or scalar.role not in STATIC_ROLES for scalar in scalars):
             return None
         return Bound(bound.formula, tuple(scalar.reference for scalar in scalars if scalar is not None))
-
-    def _over_static(self, x: Expression, slots: Sequence[Slot], scope: Scope) -> Expression | None:
-        """The same with its quantities put in."""
-        bound = self._static_bound(x, slots, scope)
-        return None if bound is None else bound.expression
 
     def _point(self, x: Expression, check: Check, slots: Sequence[Slot], scope: Scope) -> float | None:
         """Value of a point of a table, or of a length; None if it has none yet. Raises `Wrong` for a point that changes during a run."""
