@@ -108,8 +108,9 @@ class _Neighbourhood:
         for state in self._states():
             after, acting = replace(self.at, state=state, mode=other), [event]
             for _ in range(CHAIN):
-                before, after = after.mode, reset(self.events, after, acting)
-                acting = self.rising(before, after.mode)
+                before, after = after, reset(self.events, after, acting)
+                self._reread(before, after)
+                acting = self.rising(before.mode, after.mode)
                 if not acting:
                     break
             if (np.abs(after.state - state)[:count] > SET * step).any():
@@ -123,6 +124,12 @@ class _Neighbourhood:
                 return True, jumping
             jumping |= self._jumping(state, sides)
         return False, jumping
+
+    def _reread(self, before: HybridState, after: HybridState) -> None:
+        """Put the truth of the conditions whose roots events have changed into the mode after them."""
+        roots, old = (self.events.roots(at.time, at.state, at.mode) for at in (after, before))
+        read = roots != old
+        after.mode[self.events.places[read]] = self.events.truth(roots)[read]
 
     def _states(self) -> Iterator[Any]:
         """Yield the states at the point and beside it."""
