@@ -255,7 +255,9 @@ class Switching:
             self.modes[condition] = call("and", *map(self.replaced, both))
             return self.modes[condition]
         if condition.operator in ("and", "or", "not") or not (alone or locatable):
-            return _rebuilt(condition.operator, self._unrounded(condition.operator, operands))
+            if condition not in self.guards:
+                operands = self._unrounded(condition.operator, operands)
+            return _rebuilt(condition.operator, operands)
         events, a, b = self.result.events, *condition.operands
         if not alone and (parts := window(operands[0], operands[1], self._is_fixed)) is not None:
             self.modes[condition] = self._within(condition.operator, *parts)
