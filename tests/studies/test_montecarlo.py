@@ -112,7 +112,8 @@ def test_runs() -> None:
 
 def test_what_fails_is_counted_named_and_in_no_statistic() -> None:
     """A negative mass is refused: a fifth of the points, whose rows are out of the indices, too."""
-    found = bondgraph.load(OSCILLATOR).montecarlo(
+    model = bondgraph.load(OSCILLATOR.replace("  1 body", "  require m > 0 kg\n  1 body"))
+    found = model.montecarlo(
         {"m": "uniform(-0.25 kg, 1 kg)", "k": "uniform(90 N/m, 110 N/m)"}, samples=32, indices=32, workers=ALONE
     )  # fmt: skip
     bad = found("m") <= 0
@@ -124,7 +125,7 @@ def test_what_fails_is_counted_named_and_in_no_statistic() -> None:
     told = found.to_json()
     assert len(told["failures"]) == bad.sum() and json.dumps(told, allow_nan=False)
     with pytest.raises(bondgraph.RunFailed, match="not one of 8 points"):
-        bondgraph.load(OSCILLATOR).montecarlo({"m": "uniform(-2 kg, -1 kg)"}, samples=8, workers=ALONE)
+        model.montecarlo({"m": "uniform(-2 kg, -1 kg)"}, samples=8, workers=ALONE)
 
 
 def test_bad_calls() -> None:

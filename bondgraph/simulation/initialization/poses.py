@@ -330,7 +330,7 @@ def _short(problem: PoseProblem, end: Followed) -> RunFailed:
         why = "there a singular pose stands between, from which the mechanism may go on in several ways"
         advice = "draw it beyond that pose, on the branch that is meant"
     return RunFailed(
-        "BR739", f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:", advice,
+        "BR739", f"the start of {_names(given)} (line {given[0].line}) cannot hold: from the drawing it can be reached up to {reached}; {why}:", f"{advice}",
     )  # fmt: skip
 
 
