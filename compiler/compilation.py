@@ -169,8 +169,12 @@ class Compilation:
         graph, valves = with_gaps(graph)
         if valves and self.scene.off is None:
             off, own = off_at_the_start(graph, self.plan.start), {v.junction: v.events for v in valves}
+            written = graph.quantities
             graph = with_fitting_modes(
                 graph, valves, off, lambda g, names: prune(switch_off(g, names, own), self.zeros)
+            )
+            valves = tuple(
+                replace(v, fitted=graph.quantities[v.mode].definition != written[v.mode].definition) for v in valves
             )
         return graph, valves
 

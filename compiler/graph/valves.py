@@ -4,19 +4,35 @@ A 0-junction that is on adds its flows to zero, and one that is off has no effor
 has no flow. A valve is one whose first event acts where what is zero off would take one sign (an effort under which a clutch would open), and whose second
 one acts where the sum that is not zero would take the other (a slip that makes it grip). `IdealDiode` of the library is a 0-junction with one bond,
 a check valve a 1-junction between two nodes, a one-way clutch a 0-junction between two shafts. All valves of a model switch together (a linear complementarity
-problem), not one after the other. A pair of events with another threshold (a hysteresis) is no valve and acts as it is written.
+problem), not one after the other. A pair of events with another threshold (a hysteresis) is no valve and acts as it is written. The event that makes
+a valve conduct may ask for a gate, too (a thyristor): while it is closed, the valve cannot begin to conduct, but conducts on to the end of its flow. The
+gate becomes an event of its own, which never acts.
 
 Each is brought into one form: the junction stays, and a 0-junction with one bond hangs on it, the gap, which conducts while it is off.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial, reduce
 
 from ..algebra.affine import jointly_affine
-from ..algebra.expression import ONE, ZERO, Number, Symbol, evaluate, operations, substitute, symbols
-from ..algebra.formula import Bound, Formula
+from ..algebra.expression import (
+    ONE,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    call,
+    evaluate,
+    operations,
+    select,
+    substitute,
+    symbols,
+)
+from ..algebra.formula import Bound, Formula, bind, over
 from ..fast_dataclass import dataclass
 from ..source import Span
 from .elements import Kind
@@ -39,6 +55,8 @@ class Valve:
     span: Span
     # times the effort of its gap where it blocks: not above zero; times its flow where it conducts: not below
     sign: float
+    gate: tuple[str, int] | None = None  # owner and place of the event whose condition is its gate
+    fitted: bool = False  # its start mode is not the written one, which contradicts other demands
 
 
 def with_gaps(graph: BondGraph) -> tuple[BondGraph, tuple[Valve, ...]]:
@@ -51,6 +69,8 @@ def with_gaps(graph: BondGraph) -> tuple[BondGraph, tuple[Valve, ...]]:
         if not _is_gap(graph, switch.junction):
             graph = _opened(graph, switch, valve)
             valve = replace(valve, junction=f"{switch.junction}.gap")
+        if valve.gate is not None:
+            graph = replace(graph, events=tuple(_gated(graph.events, valve)))
         found.append(valve)
     return graph, tuple(found)
 
@@ -114,6 +134,41 @@ def _of_gap(condition: Bound, sides: _Sides, total: Reading) -> Bound:
     return Bound(Formula(formula.arity, turned), tuple(arguments))
 
 
+def _gated(events: Iterable[Event], valve: Valve) -> Iterator[Event]:
+    """Yield the events with the gate of a valve as one beside that which makes it conduct. It sets the same, so that it is kept, but never acts."""
+    for event in events:
+        if (event.name, event.span.start) == valve.events[0]:
+            condition, gate = _parted(event, Quantity(valve.mode))
+            assert gate is not None
+            yield replace(event, condition=condition)
+            yield replace(event, condition=gate, span=replace(event.span, start=event.span.start + 1))
+        else:
+            yield event
+
+
+def _parted(event: Event, mode: Quantity) -> tuple[Bound, Bound | None]:
+    """Return a condition as what it asks of the mode, of efforts and of flows, and all else that it asks besides, the gate."""
+    arguments, own, gate = event.condition.arguments, list[Expression](), list[Expression]()
+    parts = [event.condition.formula.expression]
+    while parts:
+        x = parts.pop()
+        match x:
+            case Apply(operator="select", operands=(whole, one, zero)) if (one, zero) == (ONE, ZERO):
+                parts.append(whole)
+            case Apply(operator="and"):
+                parts += x.operands[::-1]
+            case Apply(operator="not", operands=(Apply(operator="or", operands=others),)):
+                parts += [call("not", other) for other in others[::-1]]
+            case _:
+                read = [arguments[s.key] for s in symbols(x)]
+                bound = any(a == mode or (isinstance(a, Reading) and a.variable in "ef") for a in read)
+                (own if bound else gate).append(x)
+    if not gate or not own:
+        return event.condition, None
+    condition, asked = (bind(over(select(reduce(partial(call, "and"), x), ONE, ZERO), arguments)) for x in (own, gate))
+    return condition, asked
+
+
 def _valve(graph: BondGraph, switch: Switch) -> Valve | None:
     modes = [a for a in switch.active.arguments if isinstance(a, Quantity)]
     if len(modes) != 1 or len(switch.active.arguments) != 1 or modes[0].name not in graph.quantities:
@@ -128,16 +183,17 @@ def _valve(graph: BondGraph, switch: Switch) -> Valve | None:
     for off, back in (events, events[::-1]):
         if not (_sets(off, 1.0 - active) and _sets(back, active)):
             continue
-        first = _sign(off, mode, active, sides, "common")
-        last = _sign(back, mode, 1.0 - active, sides, "sum")
+        starts, ends = (off, back) if sides.kind is Kind.ZERO else (back, off)  # a 0-junction conducts while it is off
+        condition, gate = _parted(starts, mode)
+        conditions = {starts: condition, ends: ends.condition}
+        first = _sign(conditions[off], mode, active, sides, "common")
+        last = _sign(conditions[back], mode, 1.0 - active, sides, "sum")
         if first is None or last is None or first == last:
             continue
-        keys = [(e.name, e.span.start) for e in (off, back)]
-        if sides.kind is Kind.ZERO:  # it conducts while it is off
-            return Valve(
-                switch.junction, mode.name, 1.0 - active, (keys[0], keys[1]), graph.quantities[mode.name].span, first
-            )
-        return Valve(switch.junction, mode.name, active, (keys[1], keys[0]), graph.quantities[mode.name].span, last)
+        return Valve(
+            switch.junction, mode.name, 1.0 - active if starts is off else active, ((starts.name, starts.span.start), (ends.name, ends.span.start)),
+            graph.quantities[mode.name].span, first if starts is off else last, None if gate is None else (starts.name, starts.span.start + 1),
+        )  # fmt: skip
     return None
 
 
@@ -230,10 +286,10 @@ def _sets(event: Event, value: float) -> bool:
     return _value(event.actions[0].value, lambda _: float("nan")) == value
 
 
-def _sign(event: Event, mode: Quantity, at: float, sides: _Sides, side: str) -> float | None:
+def _sign(condition: Bound, mode: Quantity, at: float, sides: _Sides, side: str) -> float | None:
     """Return the sign of one side of a junction where a condition holds, for a value of the mode; None if the condition is another one: it has one
     comparison beside the mode, of a multiple of that side with zero."""
-    condition, arguments = event.condition, event.condition.arguments
+    arguments = condition.arguments
     others = {Symbol(slot): sides.group(a) for slot, a in enumerate(arguments) if a != mode}
     signs = {sides.common: 1} if side == "common" else sides.signs
     own = [g[1] for g in others.values() if g is not None and g[0] == side and g[1] in signs]

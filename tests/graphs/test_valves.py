@@ -185,7 +185,6 @@ NEITHER = {
     "a condition of the wrong value": DIODE.replace("not d and gap", "d and gap"),
     "a condition on the wrong side": DIODE.replace("gap.e > 0", "line.f > 0"),
     "a condition on time": DIODE.replace("gap.e > 0", "time > 0"),
-    "a condition on time, too": DIODE.replace("gap.e > 0", "gap.e > 0 and time > 1"),
     "a condition on another effort, too": DIODE.replace("gap.e > 0", "gap.e > 0 and r.e > 0"),
     "a condition on one side and the other": DIODE.replace("gap.e > 0", "gap.e > 0 and line.f >= 0"),
     "a condition that has no value": DIODE.replace("gap.e > 0", "sqrt(gap.e) > 0"),
@@ -229,6 +228,28 @@ def test_conditions_on_an_effort(condition: str, sign: float | None) -> None:
 def test_a_condition_on_another_effort_or_a_part_of_the_sum_is_no_valve(how: str, further: str) -> None:
     body = CHECK.replace("a.e > b.e", f"(a.e > b.e {how} {further})")
     assert not valves_of(f"{body}\n Sf i : f = 3\n R l : e = f\n 0 far\n i -> far -> l")
+
+
+@pytest.mark.parametrize("body", [DIODE, CHECK, CLUTCH])
+@pytest.mark.parametrize("gate", ["k > 0.5", "time > 1", "(k > 2 or time > 3) and x.q > 1"])
+def test_a_gate_is_an_event_of_its_own(body: str, gate: str) -> None:
+    """The one that makes it conduct asks for it: an effort or a flow alone remains, and the gate sets the same under a place of its own."""
+    first = GRIP if body is CLUTCH else PASS if body is CHECK else CONDUCT
+    ends = OPEN if body is CLUTCH else first
+    more = "\n input k = 1\n C x : e = q\n Se w : e = 0\n w -> x"
+    opened, (plain,) = with_gaps(graph_of(body + more))
+    gated, (valve,) = with_gaps(graph_of(body.replace(ends, ends.replace(" {", f" and {gate} {{")) + more))
+    assert valve.gate is not None and valve.gate[0] == valve.events[0][0]
+    assert (valve.junction, valve.sign) == (plain.junction, plain.sign) and plain.gate is None
+    place = next(i for i, e in enumerate(gated.events) if (e.name, e.span.start) == valve.gate)
+    read = {a for a in gated.events[place].condition.arguments if isinstance(a, Reading)}
+    assert {a.variable for a in read} <= {"q"}
+    assert len(gated.events) == len(opened.events) + 1
+
+
+@pytest.mark.parametrize("gate", ["(not d or time > 1)", "d + time < 2"])
+def test_a_gate_that_reads_the_mode_is_none(gate: str) -> None:
+    assert not valves_of(DIODE.replace("gap.e > 0", f"gap.e > 0 and {gate}"))
 
 
 @pytest.mark.parametrize("threshold", ["5", "fire.e", "t.e"])

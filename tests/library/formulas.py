@@ -132,6 +132,7 @@ ELECTRIC: dict[str, Formula] = {
     "Inductor": lambda t: {"i": 0.5 * rise(t, 2e-3)},
     "Diode": diode,
     "IdealDiode": lambda t: {"i": np.maximum(0.1 * np.sin(100 * np.pi * t), 0)},
+    "IdealThyristor": lambda t: {"i": np.where((t > 0.0245) & (t < 0.03), 0.1 * np.sin(100 * np.pi * t), 0)},
     "Switch": lambda t: {"i": np.where((t >= 1e-3) & (t < 3e-3), 2.0, 0.0)},
     "Bjt": lambda t: {"i": 1e-3},
     "Mos": mos,

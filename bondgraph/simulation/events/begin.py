@@ -104,6 +104,8 @@ def begun(
     if events.units is not None:  # what they give at the start is there before anything reads it
         start = reset(events, start, list(events.units.units))
         start = replace(start, mode=events.guess(start))
+    if events.valves is not None:
+        events.valves.begin(events, first.start)
     moment = events.happen(start, due=events.due(first.start))
     events.tell_valves(first.mode)
     return events, moment

@@ -57,13 +57,15 @@ ConditionFunction = Callable[[float, Any, Any], Any]
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """A time with all stored quantities and all discrete variables, by name; `off`: switched junctions that are no valves."""
+    """A time with all stored quantities and all discrete variables, by name; `off`: switched junctions that are no valves; `closed`: valves that cannot begin
+    to conduct."""
 
     time: float
     stored: Mapping[str, float]
     modes: Mapping[str, float]
     off: tuple[str, ...]
     delayed: Mapping[str, float] = field(default_factory=dict)
+    closed: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -110,6 +112,8 @@ class Companion:
         # sets refuted at an instant, each with the problem in which it was
         self.against: tuple[float, frozenset[tuple[bytes, tuple[object, ...]]]] = (np.nan, frozenset())
         self.decided: tuple[object, ...] = ()  # the last problem, and the set that solves it
+        # the last instant, and which valves conducted before it
+        self.before: tuple[float, BoolArray] = np.nan, np.zeros(len(self.valves), dtype=bool)
 
     # ------------------------------------------------------------ valves
     def another(self, at: Instant, guess: BoolArray) -> Any:
@@ -151,14 +155,15 @@ class Companion:
         """Return all that decides the conducting sets at an instant."""
         program = self._network(at.off).program
         modes = () if program.hybrid is None else program.hybrid.modes.names
-        return at.time, at.off, *map(at.stored.get, program.states.names), *map(at.modes.get, modes)
+        return at.time, at.off, at.closed, *map(at.stored.get, program.states.names), *map(at.modes.get, modes)
 
     def without_a_set(self, time: float) -> RunFailed:
         """Return the error that no conducting set is consistent."""
         names = ", ".join(f"`{v.junction.rpartition('.')[0] or v.junction}`" for v in self.valves)
+        gate = "; or open a gate of one that has it closed" if any(v.gate for v in self.valves) else ""
         return RunFailed(
             "BR766", f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every effort at or below zero "
-            "and every flow at or above zero;", "look for a source that works against another through valves, or put a resistor in line with one of them",
+            "and every flow at or above zero;", "look for a source that works against another through valves, or put a resistor in line with one of them" + gate,
         )  # fmt: skip
 
     def _refused(self, time: float, problem: tuple[object, ...] | None = None) -> frozenset[bytes]:
@@ -311,6 +316,10 @@ class Companion:
         where = self._state(network, at, step)
         others = [name in at.off for name in self.gaps[len(self.valves) :]]  # a switch whose junction is off conducts
         waves, on = np.zeros(count), np.array([*guess, *others, *network.fixed], dtype=bool)
+        free = np.arange(count) < (len(self.valves) if valves is None else valves)
+        if at.closed:
+            stays = np.flatnonzero([v.junction in at.closed for v in self.valves])
+            free[stays] = on[stays] = False
         signs, seen, size = np.concatenate([self.signs, np.ones(len(network.fixed))]), None, network.wave
         if size and not len(network.last):  # that it is still the largest is seen beside the rest
             seen = self._outputs(network, at, where, (step, z, np.concatenate([waves[None], size * np.eye(count)])))
@@ -329,7 +338,7 @@ class Companion:
             slopes = (back[1:] - back[0]).T / size
             offset = signs * (back[0] - slopes @ waves)
             slopes = signs[:, None] * slopes * signs
-            found = complementary(slopes, offset, on, len(self.valves) if valves is None else valves)
+            found = complementary(slopes, offset, on, free)
             if found is None:
                 return None
             before, waves, on = waves, signs * found[1], found[0]
@@ -429,10 +438,10 @@ def _largest_wave(seen: Array, z: float, count: int) -> float:
     return size if np.isfinite(size) else 0.0
 
 
-def complementary(slopes: Array, offset: Array, guess: BoolArray, valves: int) -> tuple[Any, Any, Any] | None:
+def complementary(slopes: Array, offset: Array, guess: BoolArray, free: BoolArray) -> tuple[Any, Any, Any] | None:
     """Return the conducting ports, and the waves a into and b out of a network b = S a + c, shapes (n,); None if no set fits.
 
-    `guess`: the set tried first. It is kept where both sides are zero, and for all ports after the first `valves` ones.
+    `guess`: the set tried first. It is kept where both sides are zero, and for all ports that are not `free` to change.
     """
     count = len(offset)
     matrix, diagonal = slopes.copy(), slopes.diagonal()
@@ -442,7 +451,7 @@ def complementary(slopes: Array, offset: Array, guess: BoolArray, valves: int) -
     for _ in range(MOST_PIVOTS):
         matrix.reshape(-1)[:: count + 1] = np.where(on, diagonal + 1, diagonal - 1)
         sizes, firm = _least(matrix, offset, slopes)
-        wrong = (sizes[:valves] < -ZERO * np.abs(sizes).max()).nonzero()[0]
+        wrong = (free & (sizes < -ZERO * np.abs(sizes).max())).nonzero()[0]
         if not len(wrong):
             return (on, -sizes, np.where(on, sizes, -sizes)) if firm else None
         if len(wrong) < best:

@@ -99,17 +99,18 @@ class Events(EventIndicators):
         self.count_in(HybridState(at.time, at.state, mode))
         now = settled(self, HybridState(at.time, at.state, mode))
         for _ in range(MOST_ROUNDS):
-            triggers, contradicted = self.triggers(now), False
+            triggers = self.triggers(now)
+            acting = triggers
             if self.valves is not None:
-                contradicted = bool(triggers[self.valves.events].any())
-                triggers[self.valves.events] = False
-            holds = dict(zip(self.keys, triggers.tolist(), strict=True))
+                acting = triggers.copy()
+                acting[self.valves.own] = False
+            holds = dict(zip(self.keys, acting.tolist(), strict=True))
             rising = [*due, *[i for i, key in enumerate(self.keys) if holds[key] and not self.on.get(key, False)]]
             due = ()
             self.on |= holds
             if not rising:
                 if self.valves is not None:
-                    now, switching = self.valves.after(self, now, at, contradicted)
+                    now, switching = self.valves.after(self, now, at, triggers)
                     acted += switching
                 break
             acted += rising

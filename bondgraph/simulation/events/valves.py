@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, BoolArray
 
 from ..segments.timeline import discrete_variables
 from .complementarity import Companion, Instant
@@ -25,28 +25,40 @@ class ValveSwitching:
         self.modes = np.array([hybrid.modes.names.index(v.mode) for v in valves], dtype=int)
         self.conducts = np.array([v.conducting for v in valves])
         self.events = np.array([[keys.index(k) for k in v.events] for v in valves], dtype=int).reshape(-1, 2)
+        self.gated = np.array([k for k, v in enumerate(valves) if v.gate is not None], dtype=int)
+        self.gates = np.array([keys.index(v.gate) for v in valves if v.gate is not None], dtype=int)
+        self.own = np.array([*self.events.ravel(), *self.gates], dtype=int)
         chosen = [keys[i] for i in self.events.ravel()]
         own = [(c.owner, c.span.start) for c in hybrid.conditions]
-        self.conditions = np.array([k for k, key in enumerate(own) if key in chosen], dtype=int)
+        self.conditions = [(k, key) for k, key in enumerate(own) if key in chosen]
+
+    def begin(self, indicators: EventIndicators, time: float) -> None:
+        """Store which valves conduct before a run begins, as written: a gate does not stop these."""
+        written = indicators.hybrid.start(indicators.constants)[self.modes] == self.conducts
+        self.companion.before = time, written & [not v.fitted for v in self.companion.valves]
 
     def after(
-        self, indicators: EventIndicators, at: HybridState, before: HybridState, contradicted: bool
+        self, indicators: EventIndicators, at: HybridState, before: HybridState, holds: BoolArray
     ) -> tuple[HybridState, list[int]]:
         """Return the hybrid state with all valves as they are just after, and the events of those that switch: then another program goes on.
 
-        `before`: the state before the instant; `contradicted`: True if the switching condition of one of them holds.
+        `before`: the state before the instant; `holds`: the truth of the conditions of all events.
 
         If other junctions have switched since, this program cannot contradict the set: the next one can.
         """
         companion, off = self.companion, indicators.actives(at)
-        instant = self._instant(indicators, at, off)
+        if companion.before[0] != at.time:
+            companion.before = at.time, before.mode[self.modes] == self.conducts
+        shut = self.gated[~holds[self.gates] & ~companion.before[1][self.gated]]
+        instant = self._instant(indicators, at, off, tuple([companion.valves[k].junction for k in shut]))
+        contradicted = bool(np.delete(holds[self.events[:, 0]], shut).any() or holds[self.events[:, 1]].any())
         said = at.mode[self.modes] == self.conducts
         found = companion.conducting(instant, said)
         if (found == said).all():
             if off != indicators.actives(before) or not contradicted:
                 return at, []
             other = companion.another(instant, said)
-            if other is None and self._upheld(indicators, at):
+            if other is None and self._upheld(indicators, at, {companion.valves[k].events[0] for k in shut}):
                 companion.against = at.time, frozenset()
                 return at, []
             found = companion.again(instant, said) if other is None else other
@@ -60,8 +72,10 @@ class ValveSwitching:
         was, conducts = (np.asarray(mode)[self.modes] == self.conducts for mode in (before, after))
         return [int(self.events[k, 0 if conducts[k] else 1]) for k in (conducts != was).nonzero()[0]]
 
-    def _instant(self, indicators: EventIndicators, at: HybridState, off: Sequence[str]) -> Instant:
-        """Return all stored quantities and discrete variables, by name. `off`: the junctions that are off."""
+    def _instant(
+        self, indicators: EventIndicators, at: HybridState, off: Sequence[str], shut: tuple[str, ...]
+    ) -> Instant:
+        """Return all stored quantities and discrete variables, by name. `off`: the junctions that are off; `shut`: valves that cannot begin to conduct."""
         program = indicators.program
         fixed = (indicators.inputs, indicators.constants, at.mode)
         stored = self.companion.stored
@@ -71,14 +85,14 @@ class ValveSwitching:
                 zip(program.dependents.names, program.dependent(at.time, at.state, *fixed).tolist(), strict=True)
             )
         others = tuple([name for name in off if name not in self.companion.junctions])
-        return Instant(at.time, stored, discrete_variables(indicators.hybrid, at.mode), others)
+        return Instant(at.time, stored, discrete_variables(indicators.hybrid, at.mode), others, closed=shut)
 
-    def _upheld(self, indicators: EventIndicators, at: HybridState) -> bool:
-        """Return True if no valve has a positive effort while it blocks, or a negative flow while it conducts, beyond rounding.
+    def _upheld(self, indicators: EventIndicators, at: HybridState, idle: Set[tuple[str, int]]) -> bool:
+        """Return True if no valve has a positive effort while it blocks, or a negative flow while it conducts, beyond rounding. `idle`: events that cannot act.
 
         Violations below rounding are ignored, and not taken for a zero crossing later.
         """
-        places = self.conditions
+        places = np.array([k for k, key in self.conditions if key not in idle], dtype=int)
         roots = indicators.roots(at.time, at.state, at.mode)
         against = np.zeros(len(roots), dtype=bool)
         against[places] = indicators.truth(roots)[places]
