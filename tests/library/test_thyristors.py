@@ -130,5 +130,5 @@ def test_a_bridge_commutates_beyond_its_pulses() -> None:
 
 
 def test_closed_gates_do_not_begin_to_conduct_for_a_source_of_current() -> None:
-    with pytest.raises(bondgraph.RunFailed, match="no set of conducting and blocking valves.*open a gate"):
+    with pytest.raises(bondgraph.RunFailed, match=r"no set of conducting and blocking valves.*open the gate"):
         model(BRIDGE.replace("LOAD", SOURCE_OF_CURRENT)).simulate(settings={"before": 0}, to=T)

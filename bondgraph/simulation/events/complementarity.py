@@ -160,10 +160,10 @@ class Companion:
     def without_a_set(self, time: float) -> RunFailed:
         """Return the error that no conducting set is consistent."""
         names = ", ".join(f"`{v.junction.rpartition('.')[0] or v.junction}`" for v in self.valves)
-        gate = "; or open a gate of one that has it closed" if any(v.gate for v in self.valves) else ""
         return RunFailed(
             "BR766", f"at t = {time:.9g} s no set of conducting and blocking valves among {names} goes on: none of them keeps every effort at or below zero "
-            "and every flow at or above zero;", "look for a source that works against another through valves, or put a resistor in line with one of them" + gate,
+            "and every flow at or above zero;",
+            "look for a source that works against another through valves, put a resistor in line with one of them, or open the gate of one",
         )  # fmt: skip
 
     def _refused(self, time: float, problem: tuple[object, ...] | None = None) -> frozenset[bytes]:
