@@ -7,7 +7,7 @@ each crosses zero straight, however narrow the window is, while a square, or a k
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from ..algebra.expression import (
     ONE,
@@ -89,6 +89,40 @@ def parts_of(x: Expression, is_fixed: Callable[[Expression], bool]) -> tuple[Exp
     return None
 
 
+def factors_of(
+    x: Expression, is_fixed: Callable[[Expression], bool], most: int
+) -> tuple[Expression, Expression] | None:
+    """Return a factor and the rest of a product of factors in which the same moves, as in `(v - a)*(v - b)`; None for others, and for more than `most`.
+
+    Between its zeros a product of many is so flat that no polynomial through its values shows them all. Factors of different quantities may cross
+    zero together.
+    """
+    factors = _signs(x)
+    moving = [o for o in factors if not is_fixed(o)]
+    if not 1 < len(moving) <= most or len({_moving_terms(o, is_fixed) for o in moving}) > 1:
+        return None
+    factors.remove(moving[0])
+    return moving[0], multiply(*factors)
+
+
+def _signs(x: Expression) -> list[Expression]:
+    """Return factors of which a product or quotient has the sign."""
+    parts = x.operands if isinstance(x, Apply) and x.operator in ("multiply", "divide") else ()
+    return [sign for part in parts for sign in _signs(part)] or [x]
+
+
+def _moving_terms(x: Expression, is_fixed: Callable[[Expression], bool]) -> frozenset[Expression]:
+    """Return the terms of a sum that move; of one alone without its fixed factors."""
+    terms = [t for t in _operands(x, "add") if not is_fixed(t)]
+    if len(terms) > 1:
+        return frozenset(terms)
+    return frozenset(f for t in terms for f in _operands(t, "multiply") if not is_fixed(f))
+
+
+def _operands(x: Expression, operator: str) -> Sequence[Expression]:
+    return x.operands if isinstance(x, Apply) and x.operator == operator else (x,)
+
+
 def count_parts(x: Expression, is_fixed: Callable[[Expression], bool], most: int) -> int:
     """Return the number of expressions of which one is one everywhere, without its max, min, abs and choices; or any number above `most`."""
     if (parts := parts_of(x, is_fixed)) is None:
@@ -116,7 +150,7 @@ def window(left: Expression, right: Expression, is_fixed: Callable[[Expression],
 def _window(
     moving: Expression, level: Expression, side: Expression, is_fixed: Callable[[Expression], bool]
 ) -> Window | None:
-    factors = moving.operands if isinstance(moving, Apply) and moving.operator == "multiply" else (moving,)
+    factors = _operands(moving, "multiply")
     factor = multiply(*(x for x in factors if is_fixed(x)))
     bases: dict[Expression, float] = {}
     for x in factors:
@@ -140,7 +174,7 @@ def _window(
 
 def _against(moving: Expression, level: Expression, is_fixed: Callable[[Expression], bool]) -> Expression | None:
     """Return an expression with the sign of `moving - level` for an exponential with a factor; None for others."""
-    factors = moving.operands if isinstance(moving, Apply) and moving.operator == "multiply" else (moving,)
+    factors = _operands(moving, "multiply")
     inner = [x for x in factors if not is_fixed(x)]
     factor = multiply(*(x for x in factors if is_fixed(x)))
     if len(inner) != 1 or not isinstance(inner[0], Apply) or inner[0].operator != "exp":

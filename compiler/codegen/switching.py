@@ -33,7 +33,7 @@ from ..source import Span
 from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import NoiseOutOfStep
 from .events import Count, Located
-from .indicators import count_parts, indicator, parts_of, rounding, window
+from .indicators import count_parts, factors_of, indicator, parts_of, rounding, window
 from .limits import Leaf
 from .lowered import Lowered
 from .program import ConditionNote
@@ -214,10 +214,19 @@ class Switching:
         return [*rough, call("sin", Number(pi) * counted(x, place))]
 
     def _parted(self, condition: Apply) -> Expression | None:
-        """The condition on an expression with max, min, abs or a choice as conditions on its parts; None for others, and for too many parts."""
+        """The condition on a sum with max, min, abs or a choice, or on the sign of a product, as conditions on parts; None for others, and for too many."""
         if not self.located or condition.operator not in ("less", "less_equal") or condition in self.guards:
             return None
         for i, side in enumerate(condition.operands):
+            if condition.operands[1 - i] == ZERO and (split := factors_of(side, self._is_fixed, MOST_PIECES)):
+                below, above = (
+                    [call(condition.operator, *pair) for pair in ((factor, ZERO), (ZERO, factor))] for factor in split
+                )
+                self.authored.update((*below, *above))
+                (a_below, a_above), (b_below, b_above) = (tuple(map(self.replaced, x)) for x in (below, above))
+                if i == 1:
+                    b_below, b_above = b_above, b_below
+                return call("or", call("and", a_below, b_above), call("and", a_above, b_below))
             parts = parts_of(side, self._is_fixed)
             if parts is None or count_parts(side, self._is_fixed, MOST_PIECES) > MOST_PIECES:
                 continue

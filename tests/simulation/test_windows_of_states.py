@@ -164,3 +164,26 @@ def test_signs_of_factor_and_level(factor: float, level: float, condition: str) 
     else:
         exact = 2 * half if factor > 0 else 3.0 - 2 * half
     assert bondgraph.load(text).simulate(points=3).final("time_open") == pytest.approx(exact, abs=1e-7)
+
+
+PRODUCTS = (
+    (1e-2, (1.3585749814084667, 1.4872182438574346)), (1e-3, (0.746426316314756, 0.7526364607212033)),
+    (1e-4, (1.523594167099949, 1.5586275693168066, 2.279639322000408)), (1e-6, (2.3318731753793895, 2.335629033616793, 2.3860246375699345)),
+    (1e-7, (0.5469514691427729, 0.5708058494227991, 1.576665117334436)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "form", ["{p} < 0", "0 >= {p}", "-2*{p} > 0", "not (0 <= 3*{p})", "{q} < 0", "(x - 5)*{p}/(x - 5) < 0"]
+)
+@pytest.mark.parametrize("solver", ["automatic", "explicit"])
+def test_windows_of_one_product(form: str, solver: str) -> None:
+    """Several windows of one state, as the sign of a product or quotient: each is seen, at its instant."""
+    for width, places in PRODUCTS:
+        ends = [(f"(x - {p!r})", f"(2*x - {2 * (p + width)!r})") for p in places]
+        condition = form.format(p="*".join(f"{a}*{b}" for a, b in ends), q="*".join(f"{a}/{b}" for a, b in ends))
+        text = TEXT.format(width=width, rate=1, start=0, condition=condition)
+        run = bondgraph.load(text).simulate(points=2, solver=solver)
+        assert run.final("hits") == len(places)
+        assert [e.time for e in run.events] == pytest.approx(places, rel=1e-9)
+        assert run.final("time_open") == pytest.approx(len(places) * width, rel=1e-6, abs=1e-14)
