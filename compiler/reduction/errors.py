@@ -17,6 +17,13 @@ class SingularLoop(Diagnostic):
     members: str
 
 
+class SingularField(Diagnostic):
+    code = "BG509"
+    title = "The matrix of {members} is singular: some combination of its flows or efforts stores nothing"
+    advice = "Write what is left: two coils with all flux in common are a `TF` and one `I` on a side of it, two plates one `C` on the `1` between them."
+    members: str
+
+
 class ForcedByInput(Diagnostic):
     code = "BG503"
     title = "`{element}` is forced by the input `{source}`, so its flow needs the derivative of what comes from outside"

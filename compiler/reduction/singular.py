@@ -18,7 +18,7 @@ from ..algebra.operators import value_of
 from ..equations.system import Assignment, EquationSystem
 from ..errors import CompilationFailed
 from ..fast_dataclass import dataclass
-from .errors import SingularLoop
+from .errors import SingularField, SingularLoop
 from .state_space import Entry, LinearLoop, StateSpace
 
 ROUNDING = 5e-15  # remainder of terms that cancel
@@ -83,7 +83,8 @@ def refuse_singular_loops(linear: LinearLoops, values: Mapping[str, float] | Non
             space = replace(
                 space, variables=tuple(replace(v, value=values.get(v.name, v.value)) for v in space.variables)
             )
-        raise CompilationFailed([SingularLoop(x.span, _members(space, x)) for x in loops if x in singular])
+        kinds = {x: SingularField if space.is_field(x.members) else SingularLoop for x in loops}
+        raise CompilationFailed([kinds[x](x.span, _members(space, x)) for x in loops if x in singular])
 
 
 def _behind(space: StateSpace, loops: Sequence[LinearLoop]) -> tuple[tuple[Operation, ...], Mapping[int, int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 from ..equations.system import Assignment, Claim, Equations
@@ -115,3 +115,8 @@ class StateSpace(Equations):
     def dependent(self) -> tuple[str, ...]:
         """Storages in derivative form."""
         return tuple(dict.fromkeys(d.element for d in self.dependents if d.element))
+
+    def is_field(self, elements: Sequence[str]) -> bool:
+        """Return True for one storage with several ports, alone."""
+        owners = [self.variables[s.variable].name.rpartition(".")[0] for s in self.states]
+        return len(elements) == 1 and owners.count(elements[0]) > 1 and elements[0] not in self.stored

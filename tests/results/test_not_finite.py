@@ -109,3 +109,48 @@ def test_what_has_no_value_just_after_an_instant_is_told_there(law: str, asked: 
     text = f"plain model M {{\n  signal x = integral({law} - 0.01*x^3, 0)\n  output y = x\n}}\n"
     with pytest.raises(RunFailed, match=rf"(at|from) t = 0\.7\d* s.*`x`.*has no value there: {asked}"):
         bondgraph.load(text).simulate(to=1.0, points=3)
+
+
+FIELD = """model A {
+  parameter k = 1, L: mH = 10, a: uF = 2
+  constant M = k*L, D = L^2 - M^2
+  Se s : u = 1 V
+  R r1, r2 : u = 1 ohm*i
+  LAW
+  1 second : electric
+  s -> 1(r1, field.x)
+  second -> r2, field.y
+  output i = r1.i
+}"""
+
+
+@pytest.mark.parametrize(
+    ("law", "values"),
+    [
+        ("I field(x: electric, y: electric) : energy = (L*x^2 - 2*M*x*y + L*y^2)/(2*D)", " with `D` = 0"),
+        ("I field(x: electric, y: electric) : x.lambda = L*x.i + M*y.i, y.lambda = M*x.i + L*y.i", " with `L` = 0.01, `M` = 0.01"),
+        ("C field(x: electric, y: electric) : x.q = a*x.u - a*y.u, y.q = a*y.u - a*x.u", " with `a` = 2e-06"),
+    ],
+)  # fmt: skip
+def test_a_storage_with_a_singular_matrix_is_named_with_what_to_write(law: str, values: str) -> None:
+    """Coils with all flux in common; two plates."""
+    with pytest.raises(bondgraph.RunFailed) as told:
+        bondgraph.load(FIELD.replace("LAW", law)).simulate(to=1.0, target="numpy")
+    assert f"the matrix of `field` (line 6) is singular{values}: some combination" in str(told.value)
+    assert "a `TF` and one `I`" in str(told.value)
+
+
+def test_a_storage_that_a_state_lets_divide_by_zero_has_no_singular_matrix() -> None:
+    """A plate that touches: 1/x of a displacement."""
+    with pytest.raises(bondgraph.RunFailed) as told:
+        bondgraph.load("""model A {
+  Se s : u = 1 V
+  R r : u = 1 ohm*i
+  C field(x: electric, y: electric) : energy = x^2/(2*y*(1 F/1 C))
+  s -> 1(r, field.x)
+  R r2 : u = 1 ohm*i
+  1 second : electric
+  second -> r2, field.y
+  output i = r.i
+}""").simulate(to=1.0, target="numpy")
+    assert "is divided by what is zero with `field.y` = 0" in str(told.value) and "matrix" not in str(told.value)

@@ -20,6 +20,11 @@ LOOK_FOR = (
     "(a circuit without earth)"
 )
 
+SINGULAR = (
+    "some combination of its flows or efforts stores nothing; two coils with all flux in common are a `TF` and one `I` on a side of it, "
+    "two plates one `C` on the `1` between them"
+)
+
 
 def check_finite(program: Program, space: StateSpace, instants: Array, values: Array, states: Array, parameters: Array) -> None:  # fmt: skip
     """Raise `RunFailed` for the first instant at which an output is not finite; shape of `values`: (points, outputs)."""
@@ -79,6 +84,8 @@ def _trouble(space: StateSpace, now: dict[int, float], ahead: dict[int, float]) 
             if why is None and not math.isfinite(ahead[step.target]):
                 why = Reason(f"has no value there; {LOOK_FOR}", None)
             if why is not None:
+                if _is_of_singular_field(space, step.owner, why):
+                    return f"the matrix of `{step.owner}` (line {step.span.line}) is singular{_with(space, why.about, ahead)}: {SINGULAR}"
                 name = space.variables[step.target].name
                 return f"`{name}`, computed at `{step.owner}` (line {step.span.line}), {why.words}{_with(space, why.about, ahead)}"
             continue
@@ -89,6 +96,16 @@ def _trouble(space: StateSpace, now: dict[int, float], ahead: dict[int, float]) 
         now.update(zip(step.targets, map(float, found[0]), strict=True))
         ahead.update(zip(step.targets, map(float, found[1]), strict=True))
     return None
+
+
+def _is_of_singular_field(space: StateSpace, owner: str, why: Reason) -> bool:
+    """Return True if parameters alone let a storage with several ports divide by zero."""
+    if why.about is None or not why.words.startswith("is divided") or not space.is_field((owner,)):
+        return False
+    inputs, read = space.inputs, {s.key for s in symbols(why.about)}
+    while any(inputs[v] for v in read):
+        read = {u for v in read for u in inputs[v] or (v,)}
+    return all(space.variables[v].role == "parameter" for v in read)
 
 
 def _with(space: StateSpace, about: Expression | None, known: dict[int, float]) -> str:
