@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.errors import RunFailed
 
 YOKE = """import DryFriction from mechanics
 model M {{
@@ -65,3 +66,88 @@ def test_the_friction_takes_its_work_and_no_more(text: str, place: Any, F_s: flo
     way = 0.2 * ends + np.where(ends % 2 == 0, place(0.0)[0] - x, x - place(np.pi)[0])
     energy = 0.5 * (0.05 + slope**2) * omega**2 + 5 * way
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
+
+
+HELD = """  mode direction = -1
+  0  end     : translation
+  1  contact : translation     {{ active = direction != 0 }}
+  MR surface : F = direction*5 N + 1e-9 [N*s/m]*v
+  t -> end -> contact -> surface
+  when direction == 0 and abs(end.F) > 5 N {{ direction = 1 if end.F > 0 N else -1 }}
+  when {condition} and direction != 0      {{ direction = 0 }}
+"""
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "direction*contact.v < 0 [m/s]",
+        "t.v*surface.F < 0 W",
+        "abs(contact.v) < 1 mm/s",
+        "sin(phi)*s.omega < 0 [1/s]",
+        "contact.v > 0 [m/s] and phi > 0.1",
+    ],
+)
+def test_a_hold_that_no_finite_force_gives_is_refused(condition: str) -> None:
+    """It stopped the flywheel behind the dead centre at once."""
+    written = YOKE.split("  DryFriction")[0] + HELD + YOKE.split("= -1 }}")[1].replace(", f.ends", "")
+    with pytest.raises(RunFailed, match=r"no finite force takes `j.L` from 0\.97") as refused:
+        bondgraph.load(written.format(condition=condition)).simulate(target="numpy")
+    assert refused.value.code == "BR796" and condition in str(refused.value)
+
+
+SLIPPING = """model M {{
+  I a : L = 1 [kg*m^2]*omega {{ start omega = 100 rad/s }}
+  I b : L = 0.01 [kg*m^2]*omega
+  1 x, y : rotation
+  0 plates : rotation
+  mode slips = true
+  1 between : rotation {{ active = slips }}
+  R friction : M = 5 [N*m] + 1e-3 [N*m*s]*omega
+  x -> a
+  y -> b
+  x -> plates -> y
+  plates -> between -> friction
+  when between.omega < {least} rad/s {{ slips = false }}
+  output omega = b.omega
+  experiment go {{ simulate 0 .. 1 s {{ points = 3 }} }}
+}}
+"""
+
+
+@pytest.mark.parametrize("least", [0, 1e-3, 5])
+def test_a_hold_that_takes_what_is_left_goes_on(least: float) -> None:
+    """A clutch locks at any slip: the momentum is shared."""
+    run = bondgraph.load(SLIPPING.format(least=least)).simulate(target="numpy")
+    np.testing.assert_allclose(run["omega"][-1], 100 / 1.01, rtol=1e-6)
+
+
+ROCKER = """model M {
+  multibody s : planar {
+    body crank  { inertia = 0.05 [kg*m^2] }
+    body rod
+    body rocker { inertia = 0.1 [kg*m^2] }
+    hinge h : ground to crank  { at = (0, 0), start phi = 0.5, start phi.omega = 20 rad/s }
+    hinge p : crank to rod     { at = (0.1 m, 0) }
+    hinge q : rod to rocker    { at = (0.4 m, 0.3 m) }
+    hinge r : ground to rocker { at = (0.4 m, 0) }
+  }
+  mode direction = -1
+  0  end     : rotation
+  1  contact : rotation        { active = direction != 0 }
+  MR surface : M = direction*1 [N*m] + 1e-9 [N*m*s]*omega
+  s.r -> end -> contact -> surface
+  when direction*contact.omega < 0 [rad/s] { direction = 0 }
+  output angle = s.h.phi
+  experiment go { simulate 0 .. 20 ms { points = 3 } }
+}
+"""
+
+
+def test_a_hold_where_a_rocker_turns_back_is_refused() -> None:
+    """Exactly there the hold let the crank pass, and stopped it right after."""
+    with pytest.raises(
+        RunFailed, match=r"`when direction.* no finite force takes `s\.p\.phi\.omega` from -24"
+    ) as refused:
+        bondgraph.load(ROCKER).simulate(target="numpy")
+    assert refused.value.code == "BR796"

@@ -20,7 +20,7 @@ from ..segments.transition import PhaseTransition
 from ..segments.units import units_of
 from .complementarity import Companion, Instant
 from .events import Events
-from .impulse import StorageJump, after_impulse
+from .impulse import StorageJump, after_impulse, refuse_vanishing_hold
 from .indicators import EventIndicators, HybridState, conditions_of
 from .mode_iteration import settled
 from .resets import reset
@@ -135,6 +135,8 @@ def continued(
         full, jumps = after_impulse(
             constraints, first.start, full, mode, begin.stored, {**begin.peaks, **begin.magnitudes}
         )
+        if (jumps or constraints) and begin.left is not None and not (companion is not None and companion.valves):
+            refuse_vanishing_hold(*begin.left, events, HybridState(first.start, full, mode), jumps, begin.peaks)
         if jumps and companion is not None:
             full, passed = _through_integrals(program, full, begin, companion, jumps)
             jumps += passed

@@ -8,7 +8,7 @@ Vlach, IEEE Trans. CAS 37, 1990.)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,9 +18,13 @@ from compiler.api import Array
 
 from ...errors import RunFailed
 from ...numerics.scales import group_numbers, largest_of_group, nonzero
+from ...quantities import behind
 from ..constraints.constraints import RANK, Constraints
 from ..initialization.initial_equations import slopes_of
 from ..loops.loops import LoopSolver
+from .events import Events
+from .indicators import HybridState
+from .resets import listed_events
 
 ITERATIONS = 100
 HALVES = 20  # of a step that leaves the domain of a law
@@ -29,6 +33,10 @@ AFFINE = 1e-13  # relative to the values: rounding error of an affine function
 FINEST = 1e-3  # in units of the magnitudes: least size for a difference
 LEAST = 1e-6  # relative to the largest of its unit: magnitude of a stored quantity that is smaller
 SEEN = 1e-9  # relative to the magnitudes: least change that counts as a jump
+STEP = 1e-6  # of a pose, in units of its reach
+BESIDE = 1e-2  # of what moves, relative to its magnitude: there a motion that vanishes does not
+HELD = 1e-4  # relative to the largest of its unit: jump that no error of a tolerance is
+GAIN = 100.0  # of a jump over the change of what is held, both relative: only a ratio that vanishes gives it
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +98,61 @@ def refuse_jumps_of_mechanisms(jumps: Sequence[StorageJump], mechanisms: Sequenc
             "BR788", f"at t = {time:.9g} s a junction that goes on or off takes `{jump.name}` from {jump.before:.6g} to {jump.after:.6g} {jump.unit} at once: "
             "impulses within mechanisms are not computed beside ideal valves;", "couple it by a stiff spring and a damper, or by `DryFriction`",
         )  # fmt: skip
+
+
+def refuse_vanishing_hold(
+    before: Events, at: HybridState, after: Events, held: HybridState, jumps: Sequence[StorageJump], peaks: Mapping[str, float]
+) -> None:  # fmt: skip
+    """Raise `RunFailed` where junctions hold a motion that vanishes of itself, as a piston's at its dead centre, and what goes on behind it jumps.
+
+    The program after a hold has no condition that the hold decides. There it is as if no storage held anything; before, it was nearly so.
+    """
+    notes, remaining = ([(c.owner, c.span) for c in events.hybrid.conditions] for events in (before, after))
+    decided = [i for i in before.log[-1].conditions if remaining.count(notes[i]) < notes.count(notes[i])]
+    if decided and not jumps:
+        jumps = tuple(_shortly_after(after.constraints, held))
+    if not decided or not jumps:
+        return
+    contents = [*before.program.states.names, *(j.name for j in jumps)]
+    groups = group_numbers([*before.program.states.units, *(j.unit for j in jumps)])
+    count, peak = before.count, np.array([peaks.get(n, 0.0) for n in contents])
+    peak[:count] = np.maximum(peak[:count], before.magnitude[:count])
+    largest = nonzero(largest_of_group(peak, groups))
+    shares = [abs(j.after - j.before) / own for j, own in zip(jumps, largest[count:], strict=True)]
+    moves = ~np.isin(np.arange(count), before.hybrid.jumping)
+
+    def roots(state: Array, content: float = 1.0) -> Any:
+        """Return the roots with this share of the contents of all storages."""
+        full = np.concatenate([np.where(moves, state, content * state), at.state[count:]])
+        return before.roots(at.time, before.loops.solve(at.time, full, at.mode), at.mode)[decided]
+
+    state = at.state[:count]
+    reaches = np.abs(slopes_of(roots, state, np.ones(count, dtype=bool), largest[:count])) * largest[:count]
+    reach = reaches.max(axis=1, initial=0.0)
+    away = np.abs(roots(state) - roots(state, 0.0)) / nonzero(reach)
+    beside = state + BESIDE * np.where(moves, largest[:count], 0.0)
+    moving = np.abs(roots(beside) - roots(beside, 0.0)) + reaches[:, before.constraints.speeds].sum(axis=1)
+    away[moving <= SEEN * reach] = np.inf  # no condition on a motion
+    worst = int(np.argmax(shares))
+    if not shares[worst] <= max(HELD, GAIN * away.min()):
+        jump, acted = jumps[worst], listed_events([before.hybrid.events[i] for i in before.log[-1].events])
+        raise RunFailed(
+            "BR796", f"at t = {at.time:.9g} s {acted} lets a junction hold a motion that vanishes there of itself, as a piston's at its dead centre, and no "
+            f"finite force takes `{jump.name}` from {jump.before:.6g} to {jump.after:.6g}{behind(jump.unit)}:",
+            "let the force first reverse, and hold only if the motion is led back, as `DryFriction` does",
+        )  # fmt: skip
+
+
+def _shortly_after(constraints: Constraints, at: HybridState) -> Iterator[StorageJump]:
+    """Yield the jumps of rates of mechanisms once these have moved a little: exactly at a dead centre a hold lets them pass."""
+    if not constraints:
+        return
+    program, places, ahead = constraints.program, constraints.positions, np.array(at.state)
+    rates = program.derivative(at.time, at.state, constraints.inputs, constraints.constants, at.mode)[places]
+    ahead[places] += STEP * rates / np.abs(rates / constraints.reach[places]).max(initial=1e-300)
+    ahead = constraints.project(at.time, ahead, at.mode)
+    for i in constraints.speeds:
+        yield StorageJump(program.states.names[i], program.states.units[i], float(at.state[i]), float(ahead[i]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,7 @@ class EventIntegrator(SegmentIntegrator):
         assert problem.events is not None
         self.events: Events = problem.events
         self.switched = False  # True if other junctions are off now
+        self.came: HybridState | None = None  # before the last events that were located
         # segments in a row in which the states have grown as powers do, the last factor, and their largest size in magnitudes
         self.growing, self.factor, self.size = 0, 0.0, np.inf
         self.has_conditions = len(self.events.places) > 0
@@ -100,6 +101,7 @@ class EventIntegrator(SegmentIntegrator):
     def _happen(self, at: HybridState, flipped: BoolArray | None) -> HybridState:
         events, powers = self.events, self.powers
         now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
+        self.came = None if flipped is None else at
         self.check_forced(at.time, at.mode, now.mode, at.state)
         if powers is not None and events.log[-1].events:
             both = (powers(m.time, m.state, m.mode) for m in (at, now))
@@ -121,7 +123,8 @@ class EventIntegrator(SegmentIntegrator):
         self.switched = True
         if choice is None:
             return True
-        self.result.handover = choice.transition(now.time, now.state, now.mode, **self._carried(off))
+        left = None if self.came is None else (events, self.came)
+        self.result.handover = choice.transition(now.time, now.state, now.mode, left=left, **self._carried(off))
         return True
 
     def _carried(self, off: tuple[str, ...]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ...results.checkpoint import DelayHistory
@@ -31,3 +31,4 @@ class PhaseTransition:
     guessed: frozenset[str] = frozenset()  # those of states that nothing has moved
     unknowns: Mapping[str, float] = field(default_factory=dict)  # unknowns of loops
     units: CoSimulatedUnits | None = None  # imported ones, within a run
+    left: tuple[Any, Any] | None = None  # the events that switched junctions, and the hybrid state before them
