@@ -338,3 +338,20 @@ def test_a_solution_ends_where_a_law_has_no_value_beyond(
     for beyond in () if end is None else (1e-7, 8e-6):
         with pytest.raises(RunFailed, match="no solution that could be found"):
             model.simulate(to=end * (1 + beyond), points=3)
+
+
+@pytest.mark.parametrize("c", [1e-12, 1.3387719732501184e-10, -1e-10, 1e-8, 1e-4])
+@pytest.mark.parametrize("s", [-0.3, 0.3])
+def test_a_solution_beside_a_pole_is_found(c: float, s: float) -> None:
+    """(z - 1.5)^2 = s^2 + c: one of the two is nearer to the pole than any guess, and there Newton's steps are small anywhere."""
+    text = "plain model A {\n  parameter c = 1, s = 1, guess = 2\n  solve (z - 1.5) - s = c/((z - 1.5) + s) for z = guess\n  output y = z\n}"
+    for guess, side in ((2.5, 1.0), (1.0, -1.0)):
+        found = poles_model(text).simulate(to=1e-3, points=2, settings={"c": c, "s": s, "guess": guess})
+        expected = 1.5 + side * np.sqrt(s * s + c)
+        assert found.final("y") == pytest.approx(expected, abs=1e-14)
+        assert any("of several solutions" in note for note in found.notes)
+
+
+@cache
+def poles_model(text: str) -> bondgraph.Model:
+    return bondgraph.load(text)

@@ -6,6 +6,7 @@ nothing, but a curve has to be very narrow to remain hidden.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 from typing import Any
 
@@ -24,6 +25,8 @@ BENT = 1e-3  # relative change of the derivative between two different solutions
 BETWEEN = np.arange(1, 20) / 20
 # Neighbours of a solution, to either side, in shares of the distance to another.
 NEIGHBOURS = np.outer((1.0, -1.0), 0.5 ** np.arange(6, 41))
+BESIDE = np.outer((1.0, -1.0), 10.0 ** np.arange(-15, 0)).ravel()  # distances from a pole, in shares of it
+HALVINGS = 60
 EXPLAINED, IN_A_ROW = 0.25, 3  # error of residuals told by the derivative, and at how many successive neighbours
 STANDS_OUT = 64.0  # times the residuals of these neighbours: one between that is none of rounding
 
@@ -36,7 +39,8 @@ def other_solutions(loops: LoopSolver, time: float, state: Array, mode: Array) -
     loops, others = loops.measured(time, state, mode), list[Any]()
     for places in loops.separate():
         loop = SeparateLoop(loops, (time, state, mode), unknowns, places)
-        found = _collect(loop, [unknowns[places]], guesses(unknowns[places], loop.magnitude))
+        found = _collect(loop, [unknowns[places]], first := guesses(unknowns[places], loop.magnitude))
+        found = _with_ends(loop, found, _beside_poles(loop, first))
         if len(found) > 1:  # between two solutions often lies a third one that Newton's method avoids
             between = [a + t * (b - a) for a, b in combinations(found[:4], 2) for t in BETWEEN]
             found = _collect(loop, found, np.array(between))
@@ -45,6 +49,33 @@ def other_solutions(loops: LoopSolver, time: float, state: Array, mode: Array) -
             z for z in ends if z is not None and _in_mode(loops, time, np.concatenate([state[: loops.count], z]), mode)
         ]
     return others
+
+
+def _beside_poles(loop: SeparateLoop, guesses: Array) -> Any:
+    """Return solutions of a loop of one unknown beside the zeros, between guesses, of what it divides by: one may be closer to these than any guess is,
+    and there all of Newton's steps are small."""
+    if guesses.shape[1] > 1 or loop.loops.program.poles is None:
+        return guesses[:0]
+    z = np.sort(guesses, axis=0)
+    signs = np.sign(loop.divisors(z))
+    places, which = (signs[1:] * signs[:-1] < 0).nonzero()
+    own = np.arange(len(which)), which
+    poles, _ = _halved(z[places], z[places + 1], lambda middle: np.sign(loop.divisors(middle)[own]))
+    z = np.sort((poles + np.abs(poles) * BESIDE).reshape(-1, 1), axis=0)
+    sides, signs = np.sign(loop.divisors(z)), np.sign(loop.residual(z)[:, 0])
+    crossed = (signs[1:] * signs[:-1] < 0) & (sides[1:] == sides[:-1]).all(axis=1)
+    low, high = _halved(z[:-1][crossed], z[1:][crossed], lambda middle: np.sign(loop.residual(middle)[:, 0]))
+    return 0.5 * (low + high)
+
+
+def _halved(low: Array, high: Array, sign: Callable[[Array], Any]) -> tuple[Any, Any]:
+    """Return the ends of intervals, (intervals, 1), halved about the change of a sign in each."""
+    first = sign(low)
+    for _ in range(HALVINGS if len(low) else 0):
+        middle = 0.5 * (low + high)
+        before = (sign(middle) == first)[:, None]
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return low, high
 
 
 def _in_mode(loops: LoopSolver, time: float, state: Array, mode: Array) -> bool:
@@ -59,13 +90,18 @@ def _in_mode(loops: LoopSolver, time: float, state: Array, mode: Array) -> bool:
 
 def _collect(loop: SeparateLoop, found: list[Any], guesses: Array) -> list[Any]:
     """Return the known solutions, and those to which guesses lead."""
-    found, ends = list(found), loop.arrivals(guesses)
-    for z in found if len(ends) else ():  # most arrive at known ones
+    return _with_ends(loop, found, loop.arrivals(guesses))
+
+
+def _with_ends(loop: SeparateLoop, known: list[Any], ends: Array) -> list[Any]:
+    """Return the known solutions, and those among the ends of Newton's method."""
+    solutions = list(known)
+    for z in solutions if len(ends) else ():  # most arrive at known ones
         ends = ends[~_is_near(loop, ends, z).all(axis=-1)]
     for end in ends:
-        if not any(_same(loop, end, z) for z in found) and _regular(loop, end) and _is_solved(loop, end):
-            found.append(end)
-    return found
+        if not any(_same(loop, end, z) for z in solutions) and _regular(loop, end) and _is_solved(loop, end):
+            solutions.append(end)
+    return solutions
 
 
 def _same(loop: SeparateLoop, a: Array, b: Array) -> bool:

@@ -378,6 +378,14 @@ class SeparateLoop:
     def matrix(self, z: Array) -> Any:
         return self.loops.matrix(*self.at, self.full(z))[..., self.places[:, None], self.places]
 
+    def divisors(self, z: Array) -> Any:
+        """Return what the laws divide by, shape (points, divisors): none where the program does not have them."""
+        loops, (time, state, mode) = self.loops, self.at
+        if loops.program.poles is None:
+            return np.zeros((len(z), 0))
+        full, times = loops.full(state, self.full(z)), np.full(len(z), time)
+        return np.asarray(loops.program.poles(times, full, loops.inputs, loops.constants, mode))
+
 
 class Eliminated:
     """Rates and Jacobian as functions of states and other unknowns; multipliers in the state are ignored.
