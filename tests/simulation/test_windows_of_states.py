@@ -187,3 +187,17 @@ def test_windows_of_one_product(form: str, solver: str) -> None:
         assert run.final("hits") == len(places)
         assert [e.time for e in run.events] == pytest.approx(places, rel=1e-9)
         assert run.final("time_open") == pytest.approx(len(places) * width, rel=1e-6, abs=1e-14)
+
+
+@pytest.mark.parametrize("solver", ["automatic", "radau", "explicit"])
+@pytest.mark.parametrize(
+    ("width", "places"),
+    [(1e-2, (1.3585749814084667, 1.4872182438574346)), (1e-3, (0.7125869045455281, 0.746426316314756, 1.386889704065654)),
+     (1e-5, (1.1491684574045928, 1.3290925641247768)), (1e-5, (0.18280989910733977, 0.22176441299827682, 2.0694698480907405))],
+)  # fmt: skip
+def test_windows_of_one_product_of_two_states(width: float, places: tuple[float, ...], solver: str) -> None:
+    """Two windows between two places of a polynomial: the first is found before the other, though neither shows."""
+    factors = [f"({v} - {p!r})*({v} - {p + width!r})" for v, p in zip("xzx", places, strict=False)]
+    text = TEXT.format(width=width, rate=1, start=0, condition="*".join(factors) + " < 0")
+    text = text.replace("  signal open", "  signal z = integral(1, 0)\n  signal open")
+    assert bondgraph.load(text).simulate(points=2, solver=solver).final("hits") == len(places)

@@ -95,7 +95,13 @@ def first_flip(
             middle = 0.5 * (low + high)
             waiting += [(middle, high, widths), (low, middle, widths)]
             continue
-        found = step.first_in((low, high))
+        least = step.first_minimum((low, high)) if record["clear_count"] else high
+        if (
+            low < least < high
+        ):  # where a dip is behind, what is before it is looked at closely: two may lie between two places
+            waiting += [(least, high, widths), (low, least, widths)]
+            continue
+        found = step.first_in()
         if found is not None:
             changed = step.touching == CHANGES
             if step.discount_rounding(found, changed & ~mask("converged")):
@@ -192,28 +198,24 @@ class _SearchedStep:
         moves = ~(bounded.reach <= CONSTANT * events.reach) & ~self.rounded
         return bounded, np.asarray(bounded.zero, dtype=bool) & moves
 
-    def minima(self, part: tuple[float, float]) -> list[float]:
-        """Return the instants of the surveyed part at which indicators that no place shows behind their zero crossing are nearest to zero."""
-        record, clear, valid = self.events.record, self.mask("near") & ~self.mask("shown"), self.mask("converged")
-        dips = (record["dips"] != 0).reshape(-1, len(clear))
-        brackets = [(FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & clear & valid), strict=True)]
-        brackets += [(0.0, 1.0, j) for j in np.flatnonzero(clear & ~valid)]
-        if not brackets:
-            return []
-        (low, high), rounding, variation = part, self.rounding(part[1]), record["variation"]
-        return [
-            _bottom(self.events, (low + (high - low) * a, low + (high - low) * b), j, self.said, self.roots)
-            for a, b, j in brackets
-            if variation[j] > rounding[j]
-        ]
+    def first_minimum(self, part: tuple[float, float]) -> float:
+        """Return the first instant of the surveyed part, before all places that show a crossing, at which a condition that dips differs; else its end."""
+        record, near, valid = self.events.record, self.mask("near"), self.mask("converged")
+        dips = (record["dips"] != 0).reshape(-1, len(near))
+        brackets = [(FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & near & valid), strict=True)]
+        brackets += [(0.0, 1.0, j) for j in np.flatnonzero(near & ~valid & ~self.mask("shown"))]
+        (low, high), first = part, part[1]
+        for a, b, j in sorted(brackets):
+            here = low + (high - low) * a
+            if here < first and record["variation"][j] > self.rounding(high)[j]:
+                there = _bottom(self.events, (here, low + (high - low) * b), j, self.said, self.roots)
+                first = first if there is None else min(first, there)
+        return float(first)
 
-    def first_in(self, part: tuple[float, float]) -> float | None:
+    def first_in(self) -> float | None:
         """Return the first zero crossing in the surveyed part of the step, or None."""
         record, within = self.events.record, self.within
         times = record["suspects"][: record["suspect_count"]].copy()
-        minima = self.minima(part) if record["clear_count"] else []
-        if minima:
-            times = np.union1d(times, minima)
         if not len(times):
             return None
         # So far, unknowns of loops came from the dense output; here they are solved for.
@@ -246,8 +248,8 @@ def _first_parts(start: float, stop: float, spacing: float) -> list[tuple[float,
 
 def _bottom(
     events: Events, bracket: tuple[float, float], j: int, said: BoolArray, roots: Callable[[Any, bool], Any]
-) -> float:
-    """Return the instant of a bracket at which an indicator is nearest to zero, or at which its condition differs, by golden sections.
+) -> float | None:
+    """Return an instant of a bracket at which a condition differs, by golden sections towards where its indicator is nearest to zero; None if there is none.
 
     A parabola that is below zero for 1e-12 of a part is narrower than the error of its polynomial's extremum.
     """
@@ -262,7 +264,7 @@ def _bottom(
             if _wrong(events, indicators, said)[0, j]:
                 return time
         low, high = (low, second) if distance[first] < distance[second] else (first, high)
-    return low
+    return None
 
 
 def _wrong(events: Events, roots: Array, said: BoolArray) -> Any:

@@ -28,7 +28,6 @@ def survey(k: IndicatorWorkspace, begins: int, bounded: int) -> int:
     there; `bounded`: 1 if conditions far from zero are asked for, too."""
     k.near_count = 0
     k.unsure_count = 0
-    k.clear_count = 0
     for place in range(PLACES):
         k.at_place[place] = 0
     for place in range(GRID + 1):
@@ -39,13 +38,12 @@ def survey(k: IndicatorWorkspace, begins: int, bounded: int) -> int:
         if k.near[j] != 0 or k.shown[j] != 0 or bounded != 0:
             mark_on_grid(k, j)
             mark_dips(k, j, begins)
-        if k.near[j] != 0 and k.shown[j] == 0:
-            k.clear_count += 1
         k.unsure[j] = 0
         if k.near[j] != 0 and (k.converged[j] == 0 or (k.dipping[j] != 0 and k.error[j] > EXACT * k.variation[j])):
             k.unsure[j] = 1
             k.unsure_count += 1
     put_suspects(k)
+    keep_dips(k)
     return 0
 
 
@@ -127,6 +125,25 @@ def mark_dips(k: IndicatorWorkspace, j: int, begins: int) -> None:
         k.dips[place * m + j] = 1 if touches else 0
         if touches:
             k.dipping[j] = 1
+
+
+def keep_dips(k: IndicatorWorkspace) -> None:
+    """Keep the dips before the first place that shows a crossing, and count the conditions that have one or show nothing: an earlier crossing may be there."""
+    first = INFINITE
+    for place in range(PLACES - 1, 0, -1):
+        if k.at_place[place] != 0:
+            first = SHARES[place]
+    k.clear_count = 0
+    for j in range(k.root_count):
+        clear = k.near[j] - min(k.near[j], k.shown[j])
+        for place in range(1, GRID):
+            if FINER[place + 1] >= first or (
+                k.shown[j] != 0 and differs(k, j, k.grid[(place + 1) * k.root_count + j]) != 0
+            ):
+                k.dips[place * k.root_count + j] = 0
+            elif k.near[j] != 0 and k.dips[place * k.root_count + j] != 0:
+                clear = 1
+        k.clear_count += clear
 
 
 def put_suspects(k: IndicatorWorkspace) -> None:

@@ -28,7 +28,7 @@ CANCELLED, JUMPED = 1e8, 1e4
 CERTAIN = 4.0  # in units of the rounding of a root: a larger change shows where it goes
 INFINITE = float("inf")
 DEEPEST = 26  # most halvings of a part of a step
-MOST_SUSPECTS = 2 * (PLACES + GRID)
+MOST_SUSPECTS = PLACES + GRID + 1
 
 
 # Arguments: an instant of a step, array for the roots there.
@@ -90,7 +90,7 @@ class IndicatorWorkspace(Record):
     unsure_count: int
     shown: Ints = sized("root_count")  # 1 where a place shows a crossing
     crosses: Ints = sized("root_count")  # 1 where the grid does
-    clear_count: int  # number of near ones without such a place
+    clear_count: int  # number of near ones without such a place, or with a dip before it
     dips: Ints = sized(GRID + 1, "root_count")  # 1 where the polynomial may touch zero
     dipping: Ints = sized("root_count")  # 1 where it may somewhere
     suspects: Floats = sized(MOST_SUSPECTS)  # instants at which conditions may have changed

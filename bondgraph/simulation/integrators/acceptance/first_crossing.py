@@ -6,7 +6,7 @@ from math import isfinite, ulp
 
 from ..workspace import IntegratorWorkspace
 from .crossing_search import FINER, WIDTH, differs, narrow, survey
-from .event_indicators import DEEPEST, INFINITE, MOST_SUSPECTS, IndicatorWorkspace, evaluate
+from .event_indicators import DEEPEST, INFINITE, IndicatorWorkspace, evaluate
 from .zero_crossings import COEFFICIENTS, GRID, ON_GRID, PLACES, SHARES, full_at, roots_along, roots_at
 
 NONE, FOUND, LEFT = 0, 1, 3  # no crossing; one; the caller has to act
@@ -49,10 +49,13 @@ def first_crossing(s: IntegratorWorkspace, k: IndicatorWorkspace, start: float, 
                 k.ends[depth] = 0.5 * (low + high)
                 depth += 1
                 continue
-            if dips:
-                add_minima(s, k)
-            if k.suspect_count > MOST_SUSPECTS:
-                return LEFT
+            least = first_minimum(s, k) if dips and depth < DEEPEST else high
+            if (
+                least < high
+            ):  # where a dip is behind, what is before it is looked at closely: two may lie between two places
+                k.ends[depth] = least
+                depth += 1
+                continue
             roots_along(s, k.suspect_count, k.suspects, k.roots_there)
             if k.suspect_count > 0 and narrow(k, s, 0, k.suspect_count, k.suspects, k.roots_there) != 0:
                 k.spacing = high - low
@@ -111,10 +114,10 @@ def is_unsure(k: IndicatorWorkspace) -> bool:
 
 
 def has_dips(k: IndicatorWorkspace) -> bool:
-    """Return True if a condition that no place shows may touch zero, which takes a search for its minimum."""
+    """Return True if a condition may touch zero before all places that show a crossing, which takes a search for its minimum."""
     for j in range(k.root_count):
-        if k.near[j] != 0 and k.shown[j] == 0:
-            if k.converged[j] == 0:
+        if k.near[j] != 0:
+            if k.converged[j] == 0 and k.shown[j] == 0:
                 return True
             for place in range(1, GRID):
                 if k.dips[place * k.root_count + j] != 0:
@@ -122,35 +125,23 @@ def has_dips(k: IndicatorWorkspace) -> bool:
     return False
 
 
-def add_minima(s: IntegratorWorkspace, k: IndicatorWorkspace) -> None:
-    """Add the instants of the surveyed part to the suspects at which indicators that no place shows behind their zero crossing are nearest to zero."""
+def first_minimum(s: IntegratorWorkspace, k: IndicatorWorkspace) -> float:
+    """Return the first instant of a part, before all places that show a crossing, at which a condition that dips differs from the mode; else its end."""
     size = k.high - k.low
+    first = k.high
     for j in range(k.root_count):
-        if k.near[j] != 0 and k.shown[j] == 0 and k.variation[j] > k.noise[j]:
-            if k.converged[j] == 0:
-                add_suspect(k, bottom(s, k, j, k.low, k.high))
+        if k.near[j] != 0 and k.variation[j] > k.noise[j]:
+            if k.converged[j] == 0 and k.shown[j] == 0:
+                first = min(first, bottom(s, k, j, k.low, k.high))
             for place in range(1, GRID):
-                if k.converged[j] != 0 and k.dips[place * k.root_count + j] != 0:
-                    high = k.low + size * FINER[place + 1]
-                    add_suspect(k, bottom(s, k, j, k.low + size * FINER[place - 1], high))
-
-
-def add_suspect(k: IndicatorWorkspace, time: float) -> None:
-    """Add an instant to the suspects, which are sorted and distinct; those for which there is no room are counted."""
-    place = min(k.suspect_count, MOST_SUSPECTS)
-    while place > 0 and k.suspects[place - 1] > time:
-        place -= 1
-    if place > 0 and k.suspects[place - 1] == time:
-        return
-    k.suspect_count += 1
-    if k.suspect_count <= MOST_SUSPECTS:
-        for i in range(k.suspect_count - 1, place, -1):
-            k.suspects[i] = k.suspects[i - 1]
-        k.suspects[place] = time
+                low = k.low + size * FINER[place - 1]
+                if k.converged[j] != 0 and k.dips[place * k.root_count + j] != 0 and low < first:
+                    first = min(first, bottom(s, k, j, low, k.low + size * FINER[place + 1]))
+    return first
 
 
 def bottom(s: IntegratorWorkspace, k: IndicatorWorkspace, j: int, low: float, high: float) -> float:
-    """Return the instant of a bracket at which an indicator is nearest to zero, or at which its condition differs, by golden sections: see `_bottom`."""
+    """Return an instant of a bracket at which a condition differs, by golden sections towards where its root is nearest to zero; `k.high` if there is none."""
     width = WIDTH * ulp(max(abs(low), abs(high)))
     while high - low > width:
         first = high - GOLDEN * (high - low)
@@ -166,4 +157,4 @@ def bottom(s: IntegratorWorkspace, k: IndicatorWorkspace, j: int, low: float, hi
             high = second
         else:
             low = first
-    return low
+    return k.high
