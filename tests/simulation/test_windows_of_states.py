@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from math import acos, pi
 
 import pytest
 
@@ -201,3 +202,16 @@ def test_windows_of_one_product_of_two_states(width: float, places: tuple[float,
     text = TEXT.format(width=width, rate=1, start=0, condition="*".join(factors) + " < 0")
     text = text.replace("  signal open", "  signal z = integral(1, 0)\n  signal open")
     assert bondgraph.load(text).simulate(points=2, solver=solver).final("hits") == len(places)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "depth"), [(390.1359035339354, 2.1418090112265494e-07), (169.69789017968307, 7.704893943201164e-08)]
+)
+def test_a_window_just_behind_the_start_of_a_step(frequency: float, depth: float) -> None:
+    """Between the end of a polynomial and the place beside it, a thousandth of the step, lay one of some hundred maxima."""
+    level = 1 - depth
+    half = acos(level) / frequency
+    count = sum((pi / 2 + 2 * pi * i) / frequency + half < 3 for i in range(1000))
+    text = TEXT.format(width=half, rate=1, start=0, condition=f"sin({frequency!r}*x) > {level!r}")
+    run = bondgraph.load(text).simulate(points=2, solver="explicit")
+    assert run.final("hits") == count and run.final("time_open") == pytest.approx(2 * half * count, rel=1e-4)

@@ -17,8 +17,8 @@ import numpy as np
 from compiler.api import Array, BoolArray, IntArray
 
 from ...errors import RunFailed
-from ...numerics.indicators import COEFFICIENTS, FINER, ON_GRID, SHARES
-from ..integrators.acceptance.crossing_search import CHANGES, WIDTH
+from ...numerics.indicators import COEFFICIENTS, FINER, GRID, ON_GRID, SHARES
+from ..integrators.acceptance.crossing_search import CHANGES, SEARCHED, WIDTH
 from ..integrators.acceptance.first_crossing import FEWEST, GOLDEN, MOST_PARTS, SMALLEST, SUSPICIOUS
 from ..integrators.acceptance.zero_crossings import FREE
 from ..integrators.compiled.indicator_record import interpreted_record
@@ -201,8 +201,11 @@ class _SearchedStep:
     def first_minimum(self, part: tuple[float, float]) -> float:
         """Return the first instant of the surveyed part, before all places that show a crossing, at which a condition that dips differs; else its end."""
         record, near, valid = self.events.record, self.mask("near"), self.mask("converged")
-        dips = (record["dips"] != 0).reshape(-1, len(near))
-        brackets = [(FINER[p], FINER[p + 2], j) for p, j in zip(*np.nonzero(dips[1:-1] & near & valid), strict=True)]
+        dips = (record["dips"] == SEARCHED).reshape(-1, len(near))
+        beside = [
+            (np.fmax(p - 1, 0), np.fmin(p + 1, GRID), j) for p, j in zip(*np.nonzero(dips & near & valid), strict=True)
+        ]
+        brackets = [(FINER[a], FINER[b], j) for a, b, j in beside]
         brackets += [(0.0, 1.0, j) for j in np.flatnonzero(near & ~valid & ~self.mask("shown"))]
         (low, high), first = part, part[1]
         for a, b, j in sorted(brackets):

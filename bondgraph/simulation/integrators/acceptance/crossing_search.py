@@ -10,7 +10,7 @@ from ....numerics import indicators
 from ....numerics.roots import MOST, begin_bracket, bracket_place, closes_at
 from ..workspace import IntegratorWorkspace
 from .event_indicators import INFINITE, IndicatorWorkspace
-from .zero_crossings import contradicts, roots_at, truth
+from .zero_crossings import contradicts, roots_at, slope_inwards, truth, turns
 
 PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
 SHARES, FINER = tuple(indicators.SHARES.tolist()), tuple(indicators.FINER.tolist())
@@ -19,6 +19,7 @@ RESTS = 4.0  # in units of the rounding of a root: as far behind its zero roundi
 RETURNS = 1.1  # ratio of roots that get no further
 WIDTH = 4.0  # units in the last place of a time: end of the narrowing
 AT_END = 64.0  # widths that are one instant: what is zero for less before the end of a part may be so there alone
+SEARCHED = 2  # what `dips` says of a place beside which the instant nearest to zero is searched for
 CHANGES = 3  # what `touching` says of a condition that changes
 LEAST = 1e-300  # least distance from a zero crossing, so that its sign is defined
 
@@ -114,34 +115,45 @@ def mark_dips(k: IndicatorWorkspace, j: int, begins: int) -> None:
     k.dipping[j] = 0
     for place in range(GRID + 1):
         here = abs(k.grid[place * m + j])
-        touches = here < margin
-        if place == 0:
-            touches = touches and not (begins != 0 and abs(k.values[j]) <= LEFT * k.floor[j])
-        elif place < GRID:
+        mark = 1 if here < margin else 0
+        if place == 0 and begins != 0 and abs(k.values[j]) <= LEFT * k.floor[j]:
+            mark = 0
+        elif place == 0 or place == GRID:
+            mark = SEARCHED if turns_beside(k, j, place) else mark
+        else:
             before = abs(k.grid[(place - 1) * m + j])
             after = abs(k.grid[(place + 1) * m + j])
             beside = max(before, after)
             touches = here <= before and here <= after and here < beside and here - 0.5 * (beside - here) < margin
-        k.dips[place * m + j] = 1 if touches else 0
-        if touches:
+            mark = SEARCHED if touches else 0
+        k.dips[place * m + j] = mark
+        if mark != 0:
             k.dipping[j] = 1
+
+
+def turns_beside(k: IndicatorWorkspace, j: int, place: int) -> bool:
+    """Return True if a polynomial may touch or cross zero between an end of the part and the place beside it."""
+    m = k.root_count
+    beside = k.grid[(1 if place == 0 else GRID - 1) * m + j]
+    inwards = slope_inwards(k.form[j:], m, 1 if place == 0 else 0)
+    return turns(k.grid[place * m + j], beside, inwards, SURE * k.error[j])
 
 
 def keep_dips(k: IndicatorWorkspace) -> None:
     """Keep the dips before the first place that shows a crossing, and count the conditions that have one or show nothing: an earlier crossing may be there."""
+    m = k.root_count
     first = INFINITE
     for place in range(PLACES - 1, 0, -1):
         if k.at_place[place] != 0:
             first = SHARES[place]
     k.clear_count = 0
-    for j in range(k.root_count):
+    for j in range(m):
         clear = k.near[j] - min(k.near[j], k.shown[j])
-        for place in range(1, GRID):
-            if FINER[place + 1] >= first or (
-                k.shown[j] != 0 and differs(k, j, k.grid[(place + 1) * k.root_count + j]) != 0
-            ):
-                k.dips[place * k.root_count + j] = 0
-            elif k.near[j] != 0 and k.dips[place * k.root_count + j] != 0:
+        for place in range(GRID + 1):
+            after = min(place + 1, GRID)
+            if FINER[after] >= first or (k.shown[j] != 0 and differs(k, j, k.grid[after * m + j]) != 0):
+                k.dips[place * m + j] = 0
+            elif k.near[j] != 0 and k.dips[place * m + j] == SEARCHED:
                 clear = 1
         k.clear_count += clear
 

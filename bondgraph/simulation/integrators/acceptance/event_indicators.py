@@ -91,7 +91,7 @@ class IndicatorWorkspace(Record):
     shown: Ints = sized("root_count")  # 1 where a place shows a crossing
     crosses: Ints = sized("root_count")  # 1 where the grid does
     clear_count: int  # number of near ones without such a place, or with a dip before it
-    dips: Ints = sized(GRID + 1, "root_count")  # 1 where the polynomial may touch zero
+    dips: Ints = sized(GRID + 1, "root_count")  # 1, or `SEARCHED`, where the polynomial may touch zero
     dipping: Ints = sized("root_count")  # 1 where it may somewhere
     suspects: Floats = sized(MOST_SUSPECTS)  # instants at which conditions may have changed
     suspect_count: int

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, ulp
 
 from ..workspace import IntegratorWorkspace
-from .crossing_search import FINER, WIDTH, differs, narrow, survey
+from .crossing_search import FINER, SEARCHED, WIDTH, differs, narrow, survey
 from .event_indicators import DEEPEST, INFINITE, IndicatorWorkspace, evaluate
 from .zero_crossings import COEFFICIENTS, GRID, ON_GRID, PLACES, SHARES, full_at, roots_along, roots_at
 
@@ -119,8 +119,8 @@ def has_dips(k: IndicatorWorkspace) -> bool:
         if k.near[j] != 0:
             if k.converged[j] == 0 and k.shown[j] == 0:
                 return True
-            for place in range(1, GRID):
-                if k.dips[place * k.root_count + j] != 0:
+            for place in range(GRID + 1):
+                if k.dips[place * k.root_count + j] == SEARCHED:
                     return True
     return False
 
@@ -133,10 +133,10 @@ def first_minimum(s: IntegratorWorkspace, k: IndicatorWorkspace) -> float:
         if k.near[j] != 0 and k.variation[j] > k.noise[j]:
             if k.converged[j] == 0 and k.shown[j] == 0:
                 first = min(first, bottom(s, k, j, k.low, k.high))
-            for place in range(1, GRID):
-                low = k.low + size * FINER[place - 1]
-                if k.converged[j] != 0 and k.dips[place * k.root_count + j] != 0 and low < first:
-                    first = min(first, bottom(s, k, j, low, k.low + size * FINER[place + 1]))
+            for place in range(GRID + 1):
+                low = k.low + size * FINER[max(place - 1, 0)]
+                if k.converged[j] != 0 and k.dips[place * k.root_count + j] == SEARCHED and low < first:
+                    first = min(first, bottom(s, k, j, low, k.low + size * FINER[min(place + 1, GRID)]))
     return first
 
 

@@ -16,6 +16,7 @@ PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
 SHARES = tuple(indicators.SHARES.tolist())
 COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (indicators.COEFFICIENTS, indicators.ON_GRID))
 CONVERGED, SURE, LEFT = indicators.CONVERGED, indicators.SURE, indicators.LEFT
+FIRST = float(indicators.FINER[1])  # the place of the grid beside the start of a part
 FREE = 8.0  # in units of its rounding level: a root that has left zero so far
 INFINITE = float("inf")
 
@@ -88,7 +89,9 @@ def keeps_away(s: IntegratorWorkspace, j: int, part: int, margin: float) -> bool
     """Return True if a polynomial has the sign of the mode on a finer grid, and stays away from zero by the margin; a step may begin near zero."""
     before = 0.0
     here = 0.0
+    value = 0.0
     for place in range(GRID + 1):
+        beside = value
         value = 0.0
         for k in range(PLACES):
             value += ON_GRID[place * PLACES + k] * s.root_form[k]
@@ -98,6 +101,11 @@ def keeps_away(s: IntegratorWorkspace, j: int, part: int, margin: float) -> bool
             place == GRID or (place == 0 and (part > 0 or abs(value) > LEFT * s.root_floor[j]))
         ):
             return False
+        if place == 1 and (part > 0 or abs(beside) > LEFT * s.root_floor[j]):
+            if turns(beside, value, slope_inwards(s.root_form, 1, 1), margin):
+                return False
+        if place == GRID and turns(value, beside, slope_inwards(s.root_form, 1, 0), margin):
+            return False
         after = abs(value)
         if place > 1 and here <= before and here <= after and here < max(before, after):
             if here - 0.5 * (max(before, after) - here) < margin:
@@ -105,6 +113,21 @@ def keeps_away(s: IntegratorWorkspace, j: int, part: int, margin: float) -> bool
         before = here
         here = after
     return True
+
+
+def slope_inwards(form: Floats, stride: int, at_start: int) -> float:
+    """Return the slope over the part of a polynomial at one of its ends, towards the other one, from its Chebyshev coefficients, which are `stride` apart."""
+    total = 0.0
+    for degree in range(1, PLACES):
+        slope = 2.0 * degree * degree * form[degree * stride]
+        total += slope if at_start != 0 and degree % 2 == 1 else -slope
+    return total
+
+
+def turns(end: float, beside: float, inwards: float, margin: float) -> bool:
+    """Return True if a polynomial may come within a margin of zero between an end, with its slope inwards, and the place beside it, farther from zero."""
+    falls = -inwards if end > 0.0 else inwards
+    return falls > 0.0 and abs(end) <= abs(beside) and abs(end) - 0.5 * falls * FIRST < margin
 
 
 def is_wrong(s: IntegratorWorkspace, j: int, root: float) -> bool:
