@@ -215,3 +215,17 @@ def test_a_window_just_behind_the_start_of_a_step(frequency: float, depth: float
     text = TEXT.format(width=half, rate=1, start=0, condition=f"sin({frequency!r}*x) > {level!r}")
     run = bondgraph.load(text).simulate(points=2, solver="explicit")
     assert run.final("hits") == count and run.final("time_open") == pytest.approx(2 * half * count, rel=1e-4)
+
+
+@pytest.mark.parametrize("solver", ["automatic", "radau"])
+def test_a_bell_is_seen_beside_a_condition_that_nearly_touches(solver: str) -> None:
+    """The search for a touch leaves the smallest part, to which a bell is followed, as it is."""
+    text = TEXT.replace(
+        "  output hits = n", "  mode m = 0\n  when cos(5*x) < -1.0000001 {{ m = m + 1 }}\n  output hits = n"
+    )
+    for place, width in ((1.234567, 1e-3), (2.3456789, 1e-7)):
+        condition = f"1/(1 + ((x - {place})/w)^2) > 0.3 + 0.1*sin(x)"
+        run = bondgraph.load(text.format(width=width, rate=1, start=0, condition=condition)).simulate(
+            points=2, solver=solver
+        )
+        assert run.final("hits") == 1

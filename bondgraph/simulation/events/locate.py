@@ -95,11 +95,10 @@ def first_flip(
             middle = 0.5 * (low + high)
             waiting += [(middle, high, widths), (low, middle, widths)]
             continue
-        least = step.first_minimum((low, high)) if record["clear_count"] else high
-        if (
-            low < least < high
-        ):  # where a dip is behind, what is before it is looked at closely: two may lie between two places
-            waiting += [(least, high, widths), (low, least, widths)]
+        # Where a dip is behind, what is before it is looked at closely: two may lie between two places.
+        behind = step.first_minimum((low, high)) if record["clear_count"] else high
+        if low < behind < high:
+            waiting += [(behind, high, widths), (low, behind, widths)]
             continue
         found = step.first_in()
         if found is not None:
