@@ -97,7 +97,7 @@ class IndicatorWorkspace(Record):
     suspect_count: int
     roots_there: Floats = sized(MOST_SUSPECTS, "root_count")
     most_parts: int  # of a step that are searched before the caller has to act
-    ends: Floats = sized(DEEPEST + 2)  # of a part, and of the parts of which it is the first half
+    ends: Floats = sized(2 * DEEPEST + 2)  # of a part, and of the parts that it begins: halved, or cut at a dip
     spacing: float  # length of the part of a step in which the last zero crossing was found
     measured: int  # 1 if `noise` is that of a step
     at_place: Ints = sized(PLACES)  # 1 where a condition differs from the mode
