@@ -185,3 +185,17 @@ def test_what_may_jump() -> None:
     (step,) = jumps_of(_step(x, x, y), both)
     assert not surely(step) and jumps_of(_step(x, x, y), frozenset({y})) == ()
     assert all(map(surely, jumps_of(call("floor", x) + _step(y, ONE, 2 * ONE), both)))
+
+
+@pytest.mark.parametrize(
+    "height",
+    [
+        "0.1 m*smoothstep5(time, 0.2 s, 0.7 s)",
+        "0.1 m*(smoothstep5(time, 0.1 s, 0.4 s) - smoothstep5(time, 0.7 s, 1.1 s))",
+        "0.1 m*(1 - cos(2*pi*(time - 0.1 s)/0.6 s)) if time > 0.1 s and time < 0.7 s else 0 m",
+    ],
+)
+def test_a_velocity_that_ends_at_zero_to_rounding_does_not_jump(height: str) -> None:
+    text = f"model A {{\n  signal h = {height}\n  MSf s : v = der(h)\n  I m : p = 2 kg*v\n  s -> m\n  output x = integral(m.v, 0 m) - h, F = m.F\n}}\n"
+    result = bondgraph.load(text).simulate(to="1.3 s", points=14, rtol=1e-9)
+    assert abs(result["x"]).max() < 1e-9 and abs(result["F"]).max() > 1

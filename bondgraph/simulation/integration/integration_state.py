@@ -30,6 +30,9 @@ from ..segments.context import SegmentContext
 from ..segments.timeline import Segment, Signals, signals_on
 from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
 
+EPS = float(np.finfo(float).eps)
+ROUNDING = 1e3  # a jump below that many times what the last places of time and states do is none
+
 if TYPE_CHECKING:
     from ..constraints.singular import SingularPoseMonitor
     from ..events.events import Events
@@ -255,9 +258,20 @@ class IntegrationState:
         """Raise `RunFailed` if what is differentiated jumps where conditions change. `before`, `after`: modes."""
         if not self.program.jumping.names or (before == after).all():
             return
-        fixed = (x, self.inputs, self.constants)
-        old, new = (np.asarray(self.program.forced(time, *fixed, mode)) for mode in (before, after))
-        bad = np.flatnonzero(np.abs(new - old) > 1e-9 * np.maximum(np.abs(new), np.abs(old)))
+
+        def values_at(time: float, x: Array) -> Array:
+            """Return what is differentiated, in both modes (2, n)."""
+            both = (self.program.forced(time, x, self.inputs, self.constants, mode) for mode in (before, after))
+            return np.array([np.array(values) for values in both])
+
+        old, new = values = values_at(time, x)
+        jump, least = np.abs(new - old), 1e-9 * np.abs(values).max(axis=0)
+        if (jump > least).any():  # it may vanish there but for its rounding, as at the end of a smoothstep
+            shifts = EPS * np.random.default_rng(0).integers(-2, 3, (8, 1 + len(x)))
+            scale = np.fmax(np.abs(x), self.tolerances.magnitude)
+            near = [np.abs(values_at(time * (1 + s[0]), x + scale * s[1:]) - values) for s in shifts]
+            least = np.fmax(least, ROUNDING * np.fmax.reduce(np.concatenate(near)))
+        bad = np.flatnonzero(jump > least)
         if len(bad):
             raise RunFailed(
                 "BR765", f"at t = {time:.9g} s `{self.program.jumping.names[bad[0]]}`, which is differentiated, jumps from {old[bad[0]]:.6g} to "
