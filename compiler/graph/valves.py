@@ -13,7 +13,7 @@ Each is brought into one form: the junction stays, and a 0-junction with one bon
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial, reduce
 
@@ -66,11 +66,11 @@ def with_gaps(graph: BondGraph) -> tuple[BondGraph, tuple[Valve, ...]]:
         valve = _valve(graph, switch)
         if valve is None:
             continue
+        if valve.gate is not None:
+            graph = replace(graph, events=tuple(_gated(graph, valve)))
         if not _is_gap(graph, switch.junction):
             graph = _opened(graph, switch, valve)
             valve = replace(valve, junction=f"{switch.junction}.gap")
-        if valve.gate is not None:
-            graph = replace(graph, events=tuple(_gated(graph.events, valve)))
         found.append(valve)
     return graph, tuple(found)
 
@@ -134,11 +134,11 @@ def _of_gap(condition: Bound, sides: _Sides, total: Reading) -> Bound:
     return Bound(Formula(formula.arity, turned), tuple(arguments))
 
 
-def _gated(events: Iterable[Event], valve: Valve) -> Iterator[Event]:
+def _gated(graph: BondGraph, valve: Valve) -> Iterator[Event]:
     """Yield the events with the gate of a valve as one beside that which makes it conduct. It sets the same, so that it is kept, but never acts."""
-    for event in events:
+    for event in graph.events:
         if (event.name, event.span.start) == valve.events[0]:
-            condition, gate = _parted(event, Quantity(valve.mode))
+            condition, gate = _parted(event, Quantity(valve.mode), _sides(graph, valve.junction))
             assert gate is not None
             yield replace(event, condition=condition)
             yield replace(event, condition=gate, span=replace(event.span, start=event.span.start + 1))
@@ -146,8 +146,8 @@ def _gated(events: Iterable[Event], valve: Valve) -> Iterator[Event]:
             yield event
 
 
-def _parted(event: Event, mode: Quantity) -> tuple[Bound, Bound | None]:
-    """Return a condition as what it asks of the mode, of efforts and of flows, and all else that it asks besides, the gate."""
+def _parted(event: Event, mode: Quantity, sides: _Sides) -> tuple[Bound, Bound | None]:
+    """Return a condition as what it asks of the mode and of its junction's efforts and flows, and all else that it asks besides, the gate."""
     arguments, own, gate = event.condition.arguments, list[Expression](), list[Expression]()
     parts = [event.condition.formula.expression]
     while parts:
@@ -161,7 +161,7 @@ def _parted(event: Event, mode: Quantity) -> tuple[Bound, Bound | None]:
                 parts += [call("not", other) for other in others[::-1]]
             case _:
                 read = [arguments[s.key] for s in symbols(x)]
-                bound = any(a == mode or (isinstance(a, Reading) and a.variable in "ef") for a in read)
+                bound = any(a == mode or sides.own(a) for a in read)
                 (own if bound else gate).append(x)
     if not gate or not own:
         return event.condition, None
@@ -184,7 +184,7 @@ def _valve(graph: BondGraph, switch: Switch) -> Valve | None:
         if not (_sets(off, 1.0 - active) and _sets(back, active)):
             continue
         starts, ends = (off, back) if sides.kind is Kind.ZERO else (back, off)  # a 0-junction conducts while it is off
-        condition, gate = _parted(starts, mode)
+        condition, gate = _parted(starts, mode, sides)
         conditions = {starts: condition, ends: ends.condition}
         first = _sign(conditions[off], mode, active, sides, "common")
         last = _sign(conditions[back], mode, 1.0 - active, sides, "sum")
@@ -207,6 +207,11 @@ class _Sides:
     signs: Mapping[int, int]
     resting: frozenset[int]
     group: Callable[[object], tuple[str, int] | None]  # a reading as the side, "common" or "sum", and its group
+
+    def own(self, argument: object) -> bool:
+        """Return True for a reading of this junction, not of another part of the graph."""
+        side, group = self.group(argument) or ("", -1)
+        return group == self.common if side == "common" else group in self.signs
 
 
 def _sides(graph: BondGraph, name: str) -> _Sides:

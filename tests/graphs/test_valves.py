@@ -185,7 +185,7 @@ NEITHER = {
     "a condition of the wrong value": DIODE.replace("not d and gap", "d and gap"),
     "a condition on the wrong side": DIODE.replace("gap.e > 0", "line.f > 0"),
     "a condition on time": DIODE.replace("gap.e > 0", "time > 0"),
-    "a condition on another effort, too": DIODE.replace("gap.e > 0", "gap.e > 0 and r.e > 0"),
+    "a condition on another effort or its own": DIODE.replace("gap.e > 0", "gap.e > 0 or r.e > 0"),
     "a condition on one side and the other": DIODE.replace("gap.e > 0", "gap.e > 0 and line.f >= 0"),
     "a condition that has no value": DIODE.replace("gap.e > 0", "sqrt(gap.e) > 0"),
     "no condition on a sum of which it lacks a part": CHECK.replace("a.e > b.e", "a.e > 0"),
@@ -223,15 +223,15 @@ def test_conditions_on_an_effort(condition: str, sign: float | None) -> None:
     assert [v[2] for v in valves_of(body)] == ([sign] if sign is not None else [])
 
 
-@pytest.mark.parametrize("further", ["b.e < 2", "a.e > -9", "b.e > 1e9*a.e", "far.e < 100", "r.e == 0"])
+@pytest.mark.parametrize("further", ["b.e < 2", "a.e > -9", "b.e > 1e9*a.e", "b.e > far.e", "r.e == 0"])
 @pytest.mark.parametrize("how", ["and", "or"])
-def test_a_condition_on_another_effort_or_a_part_of_the_sum_is_no_valve(how: str, further: str) -> None:
+def test_a_condition_on_a_part_of_the_sum_is_no_valve(how: str, further: str) -> None:
     body = CHECK.replace("a.e > b.e", f"(a.e > b.e {how} {further})")
     assert not valves_of(f"{body}\n Sf i : f = 3\n R l : e = f\n 0 far\n i -> far -> l")
 
 
 @pytest.mark.parametrize("body", [DIODE, CHECK, CLUTCH])
-@pytest.mark.parametrize("gate", ["k > 0.5", "time > 1", "(k > 2 or time > 3) and x.q > 1"])
+@pytest.mark.parametrize("gate", ["k > 0.5", "time > 1", "(k > 2 or time > 3) and x.q > 1", "w.f > x.e"])
 def test_a_gate_is_an_event_of_its_own(body: str, gate: str) -> None:
     """The one that makes it conduct asks for it: an effort or a flow alone remains, and the gate sets the same under a place of its own."""
     first = GRIP if body is CLUTCH else PASS if body is CHECK else CONDUCT
@@ -243,7 +243,7 @@ def test_a_gate_is_an_event_of_its_own(body: str, gate: str) -> None:
     assert (valve.junction, valve.sign) == (plain.junction, plain.sign) and plain.gate is None
     place = next(i for i, e in enumerate(gated.events) if (e.name, e.span.start) == valve.gate)
     read = {a for a in gated.events[place].condition.arguments if isinstance(a, Reading)}
-    assert {a.variable for a in read} <= {"q"}
+    assert {a.node for a in read} <= {"w", "x"}
     assert len(gated.events) == len(opened.events) + 1
 
 

@@ -132,3 +132,83 @@ def test_a_bridge_commutates_beyond_its_pulses() -> None:
 def test_closed_gates_do_not_begin_to_conduct_for_a_source_of_current() -> None:
     with pytest.raises(bondgraph.RunFailed, match=r"no set of conducting and blocking valves.*open the gate"):
         model(BRIDGE.replace("LOAD", SOURCE_OF_CURRENT)).simulate(settings={"before": 0}, to=T)
+
+
+OWN_GATE = """import Resistor, IdealThyristor from electric
+model OwnGate {
+  Se s : u = 10 V*sin(2*pi*50 Hz*time)
+  Resistor one { R = 100 ohm }
+  Resistor other { R = 100 ohm }
+  0 n : electric
+  s -> n
+  IdealThyristor valve { gate = 1 if GATE > 5 else 0 }
+  BODY
+  output i = valve.current
+}"""
+COMBINATION, SHORT, BOTH = (
+    "n -> 1(one.pins, other.pins, valve.pins)",
+    "n -> 1(one.pins) -> 0(other.pins, valve.pins)",
+    "IdealThyristor lead { gate = 1 if time > 2 ms else 0 }\n  n -> 1(one.pins, lead.pins)\n  n -> 1(other.pins, valve.pins)",
+)
+
+
+@pytest.mark.parametrize(
+    ("gate", "body", "level", "ohms"),
+    [
+        ("valve.voltage/1 V", COMBINATION, 0.5, 200),
+        ("2*other.pins.u/1 V", SHORT, 0.5, 100),
+        ("100*lead.current/1 A", BOTH, 0.5, 100),
+    ],
+)
+def test_a_gate_may_read_what_its_valve_changes(gate: str, body: str, level: float, ohms: float) -> None:
+    """A breakover diode, a crowbar, and a valve that another one lets fire at the same instant, from 2 ms on: conducting needs no open gate."""
+    found = model(OWN_GATE.replace("GATE", gate).replace("BODY", body)).simulate(to=1.5 * T, points=31, rtol=1e-9)
+    phase = found.time % T
+    fired = (phase * W > math.asin(level)) & ((found.time > 0.0019) | ("lead" not in gate))
+    sine = np.sin(W * found.time)
+    np.testing.assert_allclose(found["i"], np.where(fired & (phase < T / 2), 10 / ohms * sine, 0), atol=1e-12)
+
+
+BY_HAND = """  mode cK = false
+  1 lineK : electric
+  0 gapK : electric { active = not cK }
+  FROM -> lineK -> TO
+  lineK -> gapK
+  when not cK and gapK.u > 0 V and SIGN s.u > 5 V { cK = true }
+  when cK and lineK.i < 0 A { cK = false }
+"""
+
+
+def test_gates_of_a_bridge_by_hand_read_its_source() -> None:
+    """The conditions are parted into those of the valves and their gates; what a blocked bridge lets float is a function of time with bounds."""
+    legs = [("a", "p", ""), ("b", "p", "-"), ("m", "a", "-"), ("m", "b", "")]
+    valves = "".join(
+        BY_HAND.replace("K", str(k)).replace("FROM", a).replace("TO", b).replace("SIGN ", sign)
+        for k, (a, b, sign) in enumerate(legs)
+    )
+    text = f"""model Bridge {{
+      Se s : u = 10 V*sin(2*pi*50 Hz*time)
+      Se earth : u = 0 V
+      0 a, b, p, m : electric
+      1 load, feed
+      R r : u = 10 ohm*i
+      I l : lambda = 20 mH*i
+      s -> feed -> a
+      b -> feed
+      earth -> b
+      p -> load -> m
+      load -> r, l
+    {valves}  output i = l.i
+    }}"""
+    found = model(text).simulate(to=2 * T, points=81, rtol=1e-9)
+    lag, peak, first = math.atan2(W * 0.02, 10), 10 / math.hypot(W * 0.02, 10), math.asin(0.5) / W
+    begins = 0.0
+    exact = np.zeros(81)
+    for k in range(4):
+        since = found.time - first - k * T / 2
+        own = begins - peak * math.sin(W * first - lag)
+        here = (since > 0) & (since <= T / 2)
+        exact[here] = (peak * np.sin(W * (first + since) - lag) + own * np.exp(-since / 0.002))[here]
+        begins = peak * math.sin(W * (first + T / 2) - lag) + own * math.exp(-T / 2 / 0.002)
+    np.testing.assert_allclose(found["i"], exact, atol=1e-9)
+    assert not found.notes

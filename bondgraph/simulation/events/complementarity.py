@@ -114,6 +114,7 @@ class Companion:
         self.decided: tuple[object, ...] = ()  # the last problem, and the set that solves it
         # the last instant, and which valves conducted before it
         self.before: tuple[float, BoolArray] = np.nan, np.zeros(len(self.valves), dtype=bool)
+        self.shut: BoolArray | None = None  # which gates were closed there, each where its valve last blocked
 
     # ------------------------------------------------------------ valves
     def another(self, at: Instant, guess: BoolArray) -> Any:

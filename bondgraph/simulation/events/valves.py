@@ -35,7 +35,7 @@ class ValveSwitching:
     def begin(self, indicators: EventIndicators, time: float) -> None:
         """Store which valves conduct before a run begins, as written: a gate does not stop these."""
         written = indicators.hybrid.start(indicators.constants)[self.modes] == self.conducts
-        self.companion.before = time, written & [not v.fitted for v in self.companion.valves]
+        self.companion.before, self.companion.shut = (time, written & [not v.fitted for v in self.companion.valves]), None
 
     def after(
         self, indicators: EventIndicators, at: HybridState, before: HybridState, holds: BoolArray
@@ -47,12 +47,15 @@ class ValveSwitching:
         If other junctions have switched since, this program cannot contradict the set: the next one can.
         """
         companion, off = self.companion, indicators.actives(at)
+        said = at.mode[self.modes] == self.conducts
         if companion.before[0] != at.time:
-            companion.before = at.time, before.mode[self.modes] == self.conducts
-        shut = self.gated[~holds[self.gates] & ~companion.before[1][self.gated]]
+            companion.before, companion.shut = (at.time, before.mode[self.modes] == self.conducts), None
+        closed = ~holds[self.gates] & ~companion.before[1][self.gated]
+        if companion.shut is not None:  # what the valve lets flow may have closed a gate that reads it
+            closed = np.where(said[self.gated], companion.shut, closed)
+        companion.shut, shut = closed, self.gated[closed]
         instant = self._instant(indicators, at, off, tuple([companion.valves[k].junction for k in shut]))
         contradicted = bool(np.delete(holds[self.events[:, 0]], shut).any() or holds[self.events[:, 1]].any())
-        said = at.mode[self.modes] == self.conducts
         found = companion.conducting(instant, said)
         if (found == said).all():
             if off != indicators.actives(before) or not contradicted:
