@@ -43,6 +43,7 @@ class ElementKind:
     example: str  # a law
     relates: str = "efforts and flows"  # by its law, in messages
     advice: str = "Write the equation in these."  # for a law that reads other variables; `{}` is the variable
+    of_value: tuple[str, ...] = ()  # laws with a value in place of `{}`, in letters of all domains
     modulated: bool = False  # True if there is a kind with the prefix M, whose law reads other elements
     given: str = ""  # of a source: the variable that it gives
     stored: str = ""  # of a storage: quantities that its ports may store
@@ -62,19 +63,23 @@ _ROWS = (
         "Se", Kind.EFFORT_SOURCE, "source", "e", "F = 1 N", "its effort alone",
         "It gives its effort whatever its flow is; what depends on `{}` belongs in an R beside it.",
         modulated=True, given="e", receives=False, places="LUDR",
+        of_value=("e = {}",),
     ),
     ElementKind(
         "Sf", Kind.FLOW_SOURCE, "source", "f", "v = 1 [m/s]", "its flow alone",
         "It gives its flow whatever its effort is; what depends on `{}` belongs in an R beside it.",
         modulated=True, given="f", receives=False, places="LUDR",
+        of_value=("f = {}",),
     ),
     ElementKind(
         "C", Kind.CAPACITOR, "storage", "eq", "F = k*x", "effort and displacement", "Loss belongs in an R beside it, mass in an I.",
         stored="q", stored_words="displacement", readable="efq", places="UDRL",
+        of_value=("q = {}*e", "e = {}*q"),
     ),
     ElementKind(
         "I", Kind.INERTIA, "storage", "fp", "p = m*v", "flow and momentum", "Loss belongs in an R beside it, stiffness in a C.",
         stored="p", stored_words="momentum", readable="efp", places="UDRL",
+        of_value=("p = {}*f",),
     ),
     ElementKind(
         "IC", Kind.STORAGE_FIELD, "storage", "efqp", "e = …", stored="qp", stored_words="displacements and momenta",
@@ -83,6 +88,7 @@ _ROWS = (
     ElementKind(
         "R", Kind.RESISTOR, "loss", "ef", "F = r*v", "effort and flow",
         "What depends on displacement belongs in a C, or in an MR that reads it.", modulated=True, places="DURL",
+        of_value=("e = {}*f",),
     ),
     ElementKind(
         "RS", Kind.RESISTOR, "loss", "ef", "e = …", least_ports=2, ports_advice="An RS has a port for what it loses: `RS pad(shaft, heat)`.",
@@ -93,8 +99,8 @@ _ROWS = (
         remembered="qp", ports_advice="A memristor has one port, and its law reads what has passed: `u = (R_0 + a*q)*i`. Without that it is an R.",
         places="DURL",
     ),
-    ElementKind("TF", Kind.TRANSFORMER, "transducer", "ef", "F2 = n*F1", modulated=True, sides=True, receives=False),
-    ElementKind("GY", Kind.GYRATOR, "transducer", "ef", "u1 = K*omega2", modulated=True, sides=True, receives=False),
+    ElementKind("TF", Kind.TRANSFORMER, "transducer", "ef", "F2 = n*F1", modulated=True, sides=True, receives=False, of_value=("e2 = {}*e1",)),
+    ElementKind("GY", Kind.GYRATOR, "transducer", "ef", "u1 = K*omega2", modulated=True, sides=True, receives=False, of_value=("e1 = {}*f2",)),
 )  # fmt: skip
 
 

@@ -133,9 +133,10 @@ def _hint(problem: Unreadable, source: Source, otherwise: str = "") -> str:
     begin = source.line_starts[line - 1]
     before = source.text[begin:start].rstrip()
     special = "" if word is None else _special(word, expected, before)
-    special = special or advice_on(source.line(line), start - begin) or otherwise
+    inside = _in_experiment(source.text, start)
+    special = special or advice_on(source.line(line), start - begin, inside) or otherwise
     if not special and line > 1 and not before:  # what the line before began
-        special = advice_on(source.line(line - 1), len(source.line(line - 1)))
+        special = advice_on(source.line(line - 1), len(source.line(line - 1)), inside)
     special = special or ("" if word is None else _missing(word, expected, before))
     if special:
         return special
@@ -149,6 +150,13 @@ def _hint(problem: Unreadable, source: Source, otherwise: str = "") -> str:
     if not words:
         return "See the language reference for what may stand here."
     return "What may stand here: " + ", ".join(words[:12]) + ("…" if len(words) > 12 else "") + "."
+
+
+def _in_experiment(text: str, start: int) -> bool:
+    """Return True if a place lies between the braces of an experiment."""
+    head = text.rfind("experiment", 0, start)
+    braces = [found[1] for found in _BRACES.finditer(text, head, start)] if head >= 0 else []
+    return braces.count("{") > braces.count("}")
 
 
 def _special(token: Token, expected: set[str], before: str) -> str:

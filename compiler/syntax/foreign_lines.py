@@ -12,21 +12,46 @@ _TYPED = (
 )
 _NAMED = f"{_TYPED}, what events change a mode,"
 _PLACE = r"[\w.\[\]]+"
+_SETTINGS = "rtol|atol|reltol|abstol|tolerance|accuracy|points|solver|method|bandwidth"
+_END_OF_RUN = "run|sim|simulate|stop|duration|until|time|end|[Tt]_?(?:end|stop)|[Ss]top_?[Tt]ime"
 # Pattern of what is written, advice with its groups. The first row that covers the place of the error counts.
-_ROWS = (
-    (r"^\s*(?:/\*|--|%|;).*|//", "A comment begins with `#`."),
-    (r"\bsimulate\s+(?P<a>[^.;{}]+?)\s+to\s+(?P<b>[^;{}]+)", "A run goes from a time to a time: `simulate {a} .. {b}`."),
-    (r"\bsimulate\s+(?P<a>[^.;{}]+?)\s*(?=[;}]|$)", "A run goes from a time to a time: `simulate 0 .. {a}`."),
-    (r"\b(?:run|sim)\s+(?P<a>[^;{}]+?\.\.[^;{}]+)", "A run is `simulate {a}`."),
-    (r"\bsimulate\b[^;{}]*\s(?:step|dt)\b.*", "The solver chooses its steps; `--points 501` chooses how many instants are reported."),
-    (r"\bsimulate\b[^;{}]*\s(?P<a>report|set|modes|sweep)\b.*", "Steps of an experiment stand on lines of their own, or `;` is between them: `; {a} …`."),
+_IN_AN_EXPERIMENT = (
     (
-        r"(?:^|[;{])\s*(?P<a>rtol|atol|reltol|abstol|tolerance|accuracy|points|solver|method|bandwidth)\b[^;{}]*",
+        r"\bsimulate\s+(?P<a>[^.;{}]+?)\s+to\s+(?P<b>[^;{}]+)",
+        "A run goes from a time to a time: `simulate {a} .. {b}`.",
+    ),
+    (r"\b(?:run|sim|time|tspan)\b\s*=?\s*(?P<a>[^=;{}]+?\.\.[^;{}]+)", "A run is `simulate {a}`."),
+    (
+        rf"(?:^|[;{{])\s*(?:{_END_OF_RUN})\b\s*(?:for\b|time\b|until\b)?\s*=?\s*(?P<a>\d(?:(?!\.\.)[^,;{{}}])*?)\s*(?=[;}}]|$)",
+        "A run goes from a time to a time: `simulate 0 .. {a}`.",
+    ),
+    (
+        r"\bsimulate\b[^;{}]*\s(?:step|dt)\b.*",
+        "The solver chooses its steps; `--points 501` chooses how many instants are reported.",
+    ),
+    (
+        r"\bsimulate\b[^;{}]*\s(?P<a>report|set|modes|sweep)\b.*",
+        "Steps of an experiment stand on lines of their own, or `;` is between them: `; {a} …`.",
+    ),
+    (
+        rf"(?:^|[,;{{])\s*(?P<a>{_SETTINGS})\b[^;{{}}]*",
         "Settings of a run stand in braces behind it: `simulate 0 .. 1 s {{ rtol = 1e-8, points = 501 }}`.",
     ),
-    (r"^\s*simulate\b.*", "It belongs into an experiment: `experiment run {{ simulate 0 .. 1 s }}`."),
-    (r"\bplot\s+(?P<a>[^;{}]+)", "Results are chosen by `report {a}`."),
+    (r"\b(?:plot|show|save|print|log|output|record)\s+(?P<a>[^;{}]+)", "Results are chosen by `report {a}`."),
     (r"\breport\s+(?P<a>\S+)\s+(?:as|unit)\s+(?P<b>\S+)", "A unit follows the word `in`: `report {a} in {b}`."),
+    (
+        r"\bsweep\s+(?P<a>[\w.\[\]]+)\s*(?:=|from|in)\s*(?P<b>[^;{},]+?)\s*(?:\.\.|to)\s*(?P<c>[^;{},]+)",
+        "The values of a sweep are listed, each with its unit: `sweep {a} = {b}, {c}`.",
+    ),
+    (r"(?:^|[;{])\s*(?:initial|init)\s+(?P<a>[\w.\[\]]+\s*=\s*[^;{}]+)", "Where a run begins is told by `start {a}`."),
+    (
+        r"(?:^|[;{])\s*(?:(?:parameter|param|input|let)\s+)?(?P<a>[\w.\[\]]+\s*=\s*[^=;{}]+)",
+        "A step of an experiment sets parameters and inputs by `set {a}`, and where a run begins by `start`.",
+    ),
+)
+_ROWS = (
+    (r"^\s*(?:/\*|--|%|;).*|//", "A comment begins with `#`."),
+    (r"^\s*simulate\b.*", "It belongs into an experiment: `experiment run {{ simulate 0 .. 1 s }}`."),
     (r"^\s*when\b.*\b(?P<a>offset|delay|jitter|seed)\b.*", "A `when` acts at the instant at which its condition becomes true; `{a}` is a word of `every`."),
     (r":=", "An equation is written `=`."),
     (r"^\s*\.tran\s+\S+\s+(?P<a>\d+)(?P<b>[munp]?)s?\b.*", "A run is a step of an experiment: `experiment run {{ simulate 0 .. {a} {b}s }}`."),
@@ -99,10 +124,13 @@ _ROWS = (
 LONGEST = 400  # characters of a line that is looked at
 
 
-def advice_on(line: str, column: int) -> str:
+def advice_on(line: str, column: int, in_experiment: bool) -> str:
     """Return the advice for a line with an error at a column (from 0), if it is written as in another language; else an empty text."""
     text = line[:LONGEST].partition("#")[0].rstrip()
-    for pattern, advice in _ROWS:  # which `re` compiles at the first error, and keeps
+    for pattern, advice in (
+        *_IN_AN_EXPERIMENT * in_experiment,
+        *_ROWS,
+    ):  # which `re` compiles at the first error, and keeps
         for match in re.finditer(pattern, text):
             if match.start() <= column <= match.end() + 1:
                 return advice.format(**{name: words.strip() for name, words in match.groupdict().items()})

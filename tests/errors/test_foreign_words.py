@@ -88,6 +88,14 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("output y = log2(n)", "log(a)/log(2)", "output y = log(n)/log(2)"), ("output y = cosd(30)", "cos(30 deg)", "output y = cos(30 deg)"), ("output y = deg2rad(30)", "`30 deg`", "output y = 30 deg"), ("output y = hypot(3, 4)", "norm((a, b))", "output y = norm((3, 4))"),
     ("output y = rand(1)", "noise(time, 1 ms, 1)", "output y = noise(time, 1 ms, 1)"), ("output y = heaviside(time)", "step(time - 1 s)", "output y = step(time - 1 s)"), ("output y = square(time)", "pwm(time, 1 s, 0.5)", "output y = pwm(time, 1 s, 0.5)"),
     ("output y = sawtooth(time)", "mod(time, 1 s)", "output y = mod(time, 1 s)"), ("output y = sgn(n)", "`sign`", "output y = sign(n)"), ("output y = cbrt(n)", "a^(1/3)", "output y = n^(1/3)"), ("output y = True", "`true`", "output y = true"), ("output y = Time", "`time`", "output y = time"),
+    ("experiment e { m = 2 kg; simulate 0 .. 1 s }", "`set m = 2 kg`", "experiment e { set m = 2 kg; simulate 0 .. 1 s }"), ("experiment e { parameter m = 2 kg; simulate 0 .. 1 s }", "`set m = 2 kg`", ""),
+    ("experiment e { run 2 s }", "`simulate 0 .. 2 s`", "experiment e { simulate 0 .. 2 s }"), ("experiment e { run for 2 s }", "`simulate 0 .. 2 s`", ""), ("experiment e { stop time = 2 s }", "`simulate 0 .. 2 s`", ""),
+    ("experiment e { tspan = 0 .. 2 s }", "`simulate 0 .. 2 s`", ""), ("experiment e { simulate 0 .. 2 s; save v }", "`report v`", ""), ("experiment e { initial mass.v = 3 [m/s]; simulate 0 .. 1 s }", "`start mass.v = 3 [m/s]`", "experiment e { start mass.v = 3 [m/s]; simulate 0 .. 1 s }"),
+    ("experiment e { simulate 0 .. 2 s, rtol = 1e-8 }", "0 .. 1 s { rtol = 1e-8, points = 501 }", "experiment e { simulate 0 .. 1 s { rtol = 1e-8, points = 501 } }"),
+    ("experiment e { sweep m from 1 kg to 2 kg; simulate 0 .. 1 s }", "`sweep m = 1 kg, 2 kg`", "experiment e { sweep m = 1 kg, 2 kg; simulate 0 .. 1 s }"),
+    ("I coil : 2 kg", "`I coil : p = 2 kg*f`", "I coil : p = 2 kg*f; body -> coil"), ("I coil : m", "`I coil : p = m*f`", "I coil : p = m*f; body -> coil"), ("C soft : 1/k", "`C soft : q = (1/k)*e` or", "C soft : q = (1/k)*e; body -> soft"),
+    ("C soft : k", "`C soft : e = k*q`", "C soft : e = k*q; body -> soft"), ("Se push : 5 N", "`Se push : e = 5 N`", "Se push : e = 5 N; push -> body"), ("R slow : 2 [N*s/m]", "`R slow : e = 2 [N*s/m]*f`", "R slow : e = 2 [N*s/m]*f; body -> slow"),
+    ("TF lever : 3", "`TF lever : e2 = 3*e1`", "TF lever : e2 = 3*e1; 1 other : translation; body -> lever -> other"), ("1 other : 0", "`1 other : translation`", "1 other : translation; body -> other"),
 ]  # fmt: skip
 
 

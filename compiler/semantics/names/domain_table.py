@@ -10,10 +10,10 @@ from ...graph.mechanism import domain_of, freedoms_of
 from ...source import Span
 from ...syntax import tree
 from ...syntax.blocks import flat, nodes_in
-from .errors import UnknownName
+from .errors import UnknownName, WrongType
 from .port_domains import DomainTable, Key
 from .scope import ModelDefinition
-from .statement_errors import suggestion
+from .statement_errors import no_law, suggestion
 
 ELEMENT_KINDS = (*ELEMENTS, "0", "1", "splitter")
 
@@ -256,12 +256,20 @@ def _learn_from_declaration(table: DomainTable, declaration: tree.Declaration, n
                 listed = (c.span for c in declared.components if c.name == port.split(".")[0])
                 bundles = tuple(BUNDLES) if declaration.kind in ELEMENTS else ()
                 _learn(table, (declared.name, port), domain, next(listed, declared.span), bundles)
-        if isinstance(definition, tree.PathSyntax) and (
-            not definition.steps or junction_width(declaration) is not None
+        is_value = declaration.kind in ELEMENTS and isinstance(definition, tree.PathSyntax) and definition.head in names
+        if (
+            isinstance(definition, tree.PathSyntax)
+            and not is_value
+            and (not definition.steps or junction_width(declaration) is not None)
         ):
             bundles = tuple(BUNDLES) if declaration.kind in ("0", "1") else ()
             for port in element_ports(declaration, declared.name) if definition.head not in bundles else ():
                 _learn(table, (declared.name, port), definition.head, definition.span, bundles)
+        elif isinstance(definition, tree.ExpressionSyntax) and declaration.kind in ELEMENTS:
+            table.diagnostics.append(no_law(declaration, declared.name))
+        elif isinstance(definition, tree.ExpressionSyntax):
+            hint = f"As in `{declaration.kind} {declared.name} : translation`."
+            table.diagnostics.append(WrongType(definition.span, "A domain", f"`{definition.span.words}`", hint))
         elif isinstance(definition, tree.LawSyntax):
             for port in element_ports(declaration, declared.name):
                 words = definition.span.text, is_two_sided(declaration), port

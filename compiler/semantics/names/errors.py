@@ -116,9 +116,12 @@ class WrongIndex(Diagnostic):
 
 class UnknownDomain(Diagnostic):
     code = "BG114"
-    title = "The domain of `{name}` is not known"
-    advice = "Give it after a colon, as in `1 body : translation`, on it or on what it is bonded to, or write the law in a domain's letters."
-    name: str
+    title = "The domain of {names} is not known"
+    advice = (
+        "Give it after a colon, as in `{example}`, or write a law in a domain's letters. What is bonded has one domain."
+    )
+    names: str
+    example: str
 
 
 class DomainConflict(Diagnostic):

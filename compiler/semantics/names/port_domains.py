@@ -61,6 +61,12 @@ class DomainTable:
         found = self.known.get(self.groups.of(key))
         return None if found is None else DOMAINS[found[0]]
 
+    def names_with(self, key: Key) -> list[str]:
+        """Names of what has the domain of a port, in the order in which it occurs in the text."""
+        root = self.groups.of(key)
+        keys = (k for k in list(self.groups) if self.groups.of(k) == root and not k[0].startswith("@"))
+        return list(dict.fromkeys(words_of(tuple(part for part in k if part not in ("1", "2"))) for k in keys))
+
 
 def words_of(key: Key) -> str:
     """Name of a key as the author writes it."""

@@ -8,10 +8,11 @@ from itertools import islice
 
 from ...algebra.interpolate import OutsideTable
 from ...errors import Diagnostic
+from ...graph.elements import ELEMENTS
 from ...graph.units import ONE, Dimension
 from ...syntax import tree
 from .compound_units import ambiguous_products
-from .errors import DimensionMismatch
+from .errors import DimensionMismatch, WrongLaw
 
 MAXIMUM_COMPARED = 500  # names that a suggestion is chosen from: comparing is slow
 
@@ -32,6 +33,21 @@ class Wrong(Exception):
 
 class AlreadyTold(Exception):
     """A reference to a name whose declaration has an error that is already reported."""
+
+
+def no_law(declaration: tree.Declaration, name: str) -> WrongLaw:
+    """Return the error of an element without a law, or with a number or an expression in its place."""
+    row, written, start = ELEMENTS[declaration.kind], declaration.definition, f"{declaration.kind} {name} : "
+    if written is None or not row.of_value:
+        hint = f"Write it after a colon, as in `{start}{row.example}`."
+        return WrongLaw(declaration.span, f"`{declaration.kind} {name}` has no law", hint)
+    words = (
+        written.span.words
+        if isinstance(written, tree.PathSyntax | tree.Literal | tree.Call)
+        else f"({written.span.words})"
+    )
+    laws = " or ".join(f"`{start}{law.format(words)}`" for law in row.of_value)
+    return WrongLaw(written.span, f"`{written.span.words}` is no law", f"A law is an equation: {laws}.")
 
 
 def suggestion(name: str, known: Iterable[str], otherwise: str = "") -> str:

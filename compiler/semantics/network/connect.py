@@ -308,12 +308,11 @@ class Connector:
             self.nests[key] = terminals = {}
             junctions = []
             for component in components:
-                domain = self.elaborator.domain_of(
-                    scope, (f"@{nest.span.start}", component.rpartition("]")[2].lstrip("."))
-                )
+                key_of_port = (f"@{nest.span.start}", component.rpartition("]")[2].lstrip("."))
+                domain = self.elaborator.domain_of(scope, key_of_port)
                 if domain is None:
                     del self.nests[key]
-                    raise self.elaborator.unknown_domain(scope, nest.span, f"{nest.kind}(…)")
+                    raise self.elaborator.unknown_domain(scope, nest.span, key_of_port)
                 whole = _member(name, component)
                 terminals[component] = Terminal(whole, "", "", domain)
                 bundle = name if component else ""

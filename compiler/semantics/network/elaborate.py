@@ -168,7 +168,7 @@ class Elaborator(Declarations):
             for component in wall_components(item):
                 domain = self.domain_of(scope, (item.name, component))
                 if domain is None:
-                    raise self.unknown_domain(scope, item.span, item.name)
+                    raise self.unknown_domain(scope, item.span, (item.name, component))
                 ports[component] = domain
             for place in self._places(item.name, index, item.width, scope):
                 name = scope.full(item.name if place is None else indexed(item.name, place))
@@ -262,8 +262,7 @@ class Elaborator(Declarations):
         for port in element_ports(statement, declared.name):
             domain = self.domain_of(scope, (declared.name, port))
             if domain is None:
-                name = f"{declared.name}.{port}" if port and port not in "12" else declared.name
-                raise self.unknown_domain(scope, declared.span, name)
+                raise self.unknown_domain(scope, declared.span, (declared.name, port))
             if (whole := multibond_of(port) or port) != port and widths.get(whole) is not None:
                 hint = f"`{whole}` is as wide as its domain; junctions and ports of models may be several of it."
                 raise Wrong(WrongType(declared.span, f"One multibond `{whole}`", "several", hint))

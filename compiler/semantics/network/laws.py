@@ -19,7 +19,7 @@ from ..expressions.template import CompiledLaw, OwnVariable, Resolve, Slot, Type
 from ..names.domain_table import paths_of
 from ..names.errors import DimensionMismatch, ForeignVariable, NameClash, NeedlessM, WrongLaw, WrongType
 from ..names.scope import STATIC_ROLES, Array, Scalar, Scope
-from ..names.statement_errors import Wrong, describe
+from ..names.statement_errors import Wrong, describe, no_law
 from .transducers import check_many_ports
 
 # Function from a slot's path and a scope to a scalar with its role.
@@ -96,8 +96,7 @@ def compile_law(
     """Compile the law of one declared element. Raises `Wrong`."""
     definition, row = declaration.definition, ELEMENTS[declaration.kind]
     if not isinstance(definition, tree.LawSyntax):
-        hint = f"Write it after a colon, as in `{declaration.kind} {name} : {row.example}`."
-        raise Wrong(WrongLaw(declaration.span, f"`{declaration.kind} {name}` has no law", hint))
+        raise Wrong(no_law(declaration, name))
     reader = _LawReader(declaration, definition, name, ports, scope)
     compiler = reader.compiler(resolve)
     energy: Expression | None = None

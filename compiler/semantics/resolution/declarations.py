@@ -11,9 +11,10 @@ from ...graph.units import ONE
 from ...scene import Override
 from ...source import Span
 from ...syntax import tree
+from ...syntax.blocks import flat
 from ..names.domain_table import domain_table, is_slot, wall_components, wall_items
 from ..names.errors import DuplicateName, ReservedName, TooMany, UnknownDomain, UnknownKind, WrongConnection, WrongType
-from ..names.port_domains import DomainTable
+from ..names.port_domains import DomainTable, words_of
 from ..names.scope import (
     RESERVED,
     Array,
@@ -71,11 +72,21 @@ class Declarations(ParameterSets):
             return DOMAINS["untyped"]
         return self.table_of(scope.definition).of(*key)
 
-    def unknown_domain(self, scope: Scope, span: Span, name: str) -> Exception:
-        """Error for a port of unknown domain. If the domains of its model have errors, these are already reported: `AlreadyTold`."""
-        if self.table_of(scope.definition).diagnostics:
+    def unknown_domain(self, scope: Scope, span: Span, key: tuple[str, ...]) -> Exception:
+        """Error for a port of unknown domain, one for all that is bonded. If it, or the domains of its model, have errors, these are already reported."""
+        table = self.table_of(scope.definition)
+        if table.diagnostics or (root := table.groups.of(key)) in table.told:
             return AlreadyTold()
-        return Wrong(UnknownDomain(span, name))
+        table.told.add(root)
+        names = table.names_with(key) or [words_of(key)]
+        shown = [f"`{name}`" for name in names[:5]] + [f"{len(names) - 5} more"] * (len(names) > 5)
+        junctions = (
+            s for s in flat(scope.definition.model.statements) if isinstance(s, tree.Declaration) and s.kind in "01"
+        )
+        junction = next((f"{j.kind} {d.name} : translation" for j in junctions for d in j.names if d.name in names), "")
+        listed = f"{key[0]}({key[1]}: translation)" if key[1] and key[1] not in "12" else "1 body : translation"
+        words = " and ".join(filter(None, (", ".join(shown[:-1]), shown[-1])))
+        return Wrong(UnknownDomain(span, words, junction or listed))
 
     def enter(self, scope: Scope, name: str, entry: Entry, span: Span) -> None:
         """Enter a name in a scope. If it is declared twice, the later declaration in the text is the error."""
