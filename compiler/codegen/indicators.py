@@ -8,6 +8,7 @@ each crosses zero straight, however narrow the window is, while a square, or a k
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf
 
 from ..algebra.expression import (
     ONE,
@@ -41,25 +42,40 @@ def indicator(left: Expression, right: Expression, is_fixed: Callable[[Expressio
     return left - right
 
 
-def rounding(x: Expression, is_fixed: Callable[[Expression], bool]) -> Expression:
-    """Return the size up to which an expression is but the rounding of terms that cancel, `x/3 + x/7 - x*(10/21)`; zero if it has none."""
-    if is_fixed(x) or not isinstance(x, Apply):
+def rounding(
+    x: Expression, is_fixed: Callable[[Expression], bool], known: dict[Expression, Expression] | None = None
+) -> Expression:
+    """Return the size up to which an expression is but the rounding of terms that cancel, `x/3 + x/7 - x*(10/21)`; zero if it has none.
+
+    A function of such terms is as unsure as its values at both ends of what its operands may be differ. `known`: sizes of others; added to.
+    """
+    known = {} if known is None else known
+    if x not in known:
+        known[x] = ZERO if is_fixed(x) or not isinstance(x, Apply) else _rounding(x, is_fixed, known)
+    return known[x]
+
+
+def _rounding(x: Apply, is_fixed: Callable[[Expression], bool], known: dict[Expression, Expression]) -> Expression:
+    row = OPERATORS.get(x.operator)
+    if row is None or row.kind == "condition" or row.course == "jumping" or x.operator == "noise":
         return ZERO
+    inner = [rounding(o, is_fixed, known) for o in x.operands]
     if x.operator == "add":
-        moving = [o for o in x.operands if not is_fixed(o)]
-        inner = [rounding(o, is_fixed) for o in moving]
-        own = [call("abs", o) for o in x.operands] if len(moving) > 1 else []
+        own = [call("abs", o) for o in x.operands] if sum(not is_fixed(o) for o in x.operands) > 1 else []
         return add(multiply(Number(float(len(own))), ROUNDED, add(*own)), *inner)
-    if x.operator in ("multiply", "divide"):
-        inner = [rounding(o, is_fixed) for o in (x.operands if x.operator == "multiply" else x.operands[:1])]
-        return add(
-            *(
-                call("abs", rebuild(x.operator, (*x.operands[:i], s, *x.operands[i + 1 :])))
-                for i, s in enumerate(inner)
-                if s != ZERO
-            )
-        )
-    return rounding(x.operands[0], is_fixed) if x.operator == "abs" else ZERO
+    if x.operator == "select":
+        return select(x.operands[0], *inner[1:])
+    is_root = x.operator == "power" and not (isinstance(x.operands[1], Number) and x.operands[1].value.is_integer())
+    lowest, highest = (0.0, inf) if is_root else row.domain
+    sizes: list[Expression] = []
+    for i, (operand, size) in enumerate(zip(x.operands, inner, strict=True)):
+        if size == ZERO:
+            continue
+        low = call("max", operand - size, Number(lowest)) if lowest > -inf else operand - size
+        high = call("min", operand + size, Number(highest)) if highest < inf else operand + size
+        ends = [rebuild(x.operator, (*x.operands[:i], end, *x.operands[i + 1 :])) for end in (low, high)]
+        sizes += [call("abs", end - x) for end in ends]
+    return add(*sizes, multiply(ROUNDED, call("abs", x))) if sizes else ZERO
 
 
 def parts_of(x: Expression, is_fixed: Callable[[Expression], bool]) -> tuple[Expression, Expression, Expression] | None:

@@ -109,7 +109,7 @@ def lower(
         for limit in space.limits
     ]
     result.delayed = tuple(result.values[d.value] for d in space.delays)
-    _lower_events(result)
+    _lower_events(result, switching)
     result.lags = tuple(_entry(result, d.lag) for d in space.delays)
     if whole:
         result.peaks = peaks(result.rates, len(space.states), result.moves)
@@ -159,14 +159,14 @@ def _lower_invariants(result: Lowered, slopes: dict[int, dict[int, Expression]])
                 result.invariant_slopes[row, column] = slope
 
 
-def _lower_events(result: Lowered) -> None:
+def _lower_events(result: Lowered, switching: Switching) -> None:
     """Form the expressions of the events from the lowered variables."""
     space, events, values = result.space, result.events, result.values
     events.events, computed = event_notes(space, {v: i for i, v in enumerate(moving(space))})
     events.starts = tuple(_entry(result, d.start) for d in space.discretes)
     events.sampling = tuple(_entry(result, x) for e in space.events for x in e.sampling)
     events.triggers = tuple(values[e.condition] for e in space.events)
-    events.values = tuple(values[s.value] for e in space.events for s in e.settings)
+    events.values = tuple(switching.stored(values[s.value]) for e in space.events for s in e.settings)
     events.targets = tuple(values[v] for v in computed)
     moved = (*result.rates, *result.delayed)  # what is delayed jumps in a step that it does not end
     steering = {s for e in moved for s in symbols(e)} if events.located else set()

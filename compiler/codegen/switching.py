@@ -274,7 +274,8 @@ class Switching:
         if alone:
             self._instant(self.replaced(a - b), condition.operator)
             self.modes[condition] = Symbol(Leaf("mode", self.next))
-            self.opened[self.next] = substitute(condition, self._opened)
+            exact = call(condition.operator, *self._unrounded(condition.operator, operands))
+            self.opened[self.next] = substitute(exact, self._opened)
             self.result.switches.append(self.opened[self.next])
             events.timed.append(self.next)
         else:
@@ -290,13 +291,15 @@ class Switching:
         if self.pieced or operator not in JUMPING:
             return operands
         x = operands[0] - operands[1] if len(operands) > 1 else operands[0]
-        most = rounding(x, self._is_fixed)
-        if most == ZERO:
+        if (most := rounding(x, self._is_known)) == ZERO:
             return operands
         if operator in ("floor", "ceil"):
             return (x + (most if operator == "floor" else negate(most)),)
-        rounded = select(call("less_equal", call("abs", x), most), ZERO, x)
-        return (rounded, ZERO) if len(operands) > 1 else (rounded,)
+        return (_or_zero(x, most), ZERO) if len(operands) > 1 else (_or_zero(x, most),)
+
+    def stored(self, x: Expression) -> Expression:
+        """A new value of an event, with zero in place of the rounding of terms that cancel: later conditions read what is stored as exact."""
+        return _or_zero(x, rounding(x, self._is_fixed))
 
     def _within(self, operator: str, u: Expression, r: Expression, sign: Expression, rest: Expression) -> Expression:
         """The condition of a `window`, with `operator` less or less_equal, as two: each crosses zero straight."""
@@ -319,6 +322,10 @@ class Switching:
     def _is_fixed(self, x: Expression) -> bool:
         """Return True if an expression is constant between two events."""
         return not self.result.dependence(x) & (TIME | STATE)
+
+    def _is_known(self, x: Expression) -> bool:
+        """Return True if an expression is constant in a run."""
+        return not self.result.dependence(x) & (TIME | STATE | EVENT)
 
     def _of_segments(self, x: Apply, place: Expression) -> Expression:
         """Derivative of a curve in time that jumps at knots, from two numbers that are constant between instants.
@@ -449,3 +456,7 @@ def rough_knots(places: Sequence[Expression], heights: Sequence[Expression]) -> 
 
 def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:
     return Apply(operator, operands) if operator in SYSTEMS or operator == "item" else rebuild(operator, operands)
+
+
+def _or_zero(x: Expression, most: Expression) -> Expression:
+    return x if most == ZERO else select(call("less_equal", call("abs", x), most), ZERO, x)
