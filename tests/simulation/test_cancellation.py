@@ -149,8 +149,12 @@ OF_CANCELLED = {
 
 def test_functions_of_what_is_rounding_and_what_is_stored_of_it_are_those_of_zero() -> None:
     """Each sample read the sign of rounding: of 41 up to 19. A clock that is set by `time - last >= 0.1` ran 94 of 100 times."""
-    text = "plain model A {\n  signal x = integral(v, 1), v = integral(-4*x, 0)\n  mode stored = 0, last = 0, ticks = 0\n"
-    text += "  every 0.1 { stored = x/3 + x/7 - x*(10/21) }\n  mode risen = 0\n  when stored > 0 { risen = risen + 1 }\n"
+    text = (
+        "plain model A {\n  signal x = integral(v, 1), v = integral(-4*x, 0)\n  mode stored = 0, last = 0, ticks = 0\n"
+    )
+    text += (
+        "  every 0.1 { stored = x/3 + x/7 - x*(10/21) }\n  mode risen = 0\n  when stored > 0 { risen = risen + 1 }\n"
+    )
     text += "  every 0.01 { ticks = ticks + (1 if time - last >= 0.1 else 0); last = time if time - last >= 0.1 else last }\n"
     for i, condition in enumerate(OF_CANCELLED):
         condition = re.sub(r"\bc\b", "(x/3 + x/7 - x*(10/21))", condition)
