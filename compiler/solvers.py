@@ -1,6 +1,6 @@
 """Solvers of an experiment, one row each: the words of an author, and the facts by which a run chooses, refuses, names and repeats.
 
-The steps of a method are the module and function `<word>_step` in `bondgraph/simulation/integrators/steps/`.
+The steps of a method are the module and function `<word>_step` in `bondgraph/simulation/integrators/steps/`, of `steps` where its row has that.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from .fast_dataclass import dataclass
 class Solver:
     """A solver of an experiment. Without `parts` it makes no steps.
 
-    `parts` of a step are searched for events separately. `estimate`: order of the error estimate plus one. `through_ends`: within a step, a polynomial
-    through the last step ends holds. `others`: solvers of another family that repeat a run, the first that can. `refused`: properties of a model that
-    it cannot take, each with the reason, put into `refusal`.
+    `steps`: word of the solver that makes them, if it is another. `parts` of a step are searched for events separately. `estimate`: order of the error
+    estimate plus one. `through_ends`: within a step, a polynomial through the last step ends holds. `others`: solvers of another family that repeat a run,
+    the first that can. `refused`: properties of a model that it cannot take, each with the reason, put into `refusal`.
     """
 
     word: str
     name: str = ""  # in a result; also the beginning of it
     purpose: str = ""
+    steps: str = ""
     parts: int = 0
     estimate: int = 4
     stages: int = 3  # most stages that are solved for together
@@ -54,7 +55,7 @@ _ROWS = (
     ),
     Solver("radau", "Radau IIA 5", parts=1, stiff=True, through_ends=True, others=("rodas", "radau")),
     Solver(
-        "radau13", "Radau IIA 5 to 13", "stiff models, tight tolerances", parts=4, stages=7, stiff=True, others=("rodas", "radau"),
+        "radau13", "Radau IIA 5 to 13", "stiff models, tight tolerances", "radau", parts=4, stages=7, stiff=True, others=("rodas", "radau"),
         refused=(("sparse", "it is for up to about 100 states and unknowns"),), refusal=(f"Radau of variable order {_CANNOT}", _OTHERS),
     ),
     Solver(

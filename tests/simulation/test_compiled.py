@@ -345,4 +345,4 @@ def test_files_with_vectors_are_files_of_the_source() -> None:
     """A file of another name would be compiled without vectors, and long models would run more slowly without a word."""
     folder = Path(compiled.__file__).parent.parent
     assert {p.stem for p in folder.rglob("*.py")} >= sources.VECTORS
-    assert {f.__name__ for f in sources.APART} == {"radau_step", "radau13_step", "rodas_step", "energy_step", *SHARED}
+    assert {f.__name__ for f in sources.APART} == {"radau_step", "rodas_step", "energy_step", *SHARED}

@@ -15,7 +15,7 @@ from bondgraph.simulation.integrators.methods import RADAU
 from bondgraph.simulation.integrators.projection.projection import NormalEquations, ProjectionWorkspace
 from bondgraph.simulation.integrators.steps import radau_step
 from bondgraph.simulation.integrators.steps.evaluation import renew
-from bondgraph.simulation.integrators.steps.radau_step import factorise
+from bondgraph.simulation.integrators.steps.radau_step import LEAST, factorise_stages_of, use_stages
 from bondgraph.simulation.integrators.steps.step_control import filtered_norm
 from bondgraph.simulation.integrators.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
 from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
@@ -58,7 +58,9 @@ def test_a_number_that_creeps_beside_large_changes_is_no_solution(monkeypatch: p
     begin(solver)
     solver.size = 0.1
     factorised: list[float] = []
-    monkeypatch.setattr(radau_step, "factorise", lambda s, size: factorised.append(size) or factorise(s, size))
+    monkeypatch.setattr(
+        radau_step, "factorise_stages_of", lambda s, size: factorised.append(size) or factorise_stages_of(s, size)
+    )
     for _ in range(5):
         if one_step(solver):
             break
@@ -82,7 +84,8 @@ def test_an_estimate_is_filtered_twice_at_the_start_and_after_a_rejection() -> N
         begin(solver)
         solver.last_size, solver.new[0] = last_size, state
         renew(solver)
-        factorise(solver, size)
+        use_stages(solver, LEAST)
+        factorise_stages_of(solver, size)
         return filtered_norm(solver, rejected)
 
     once = norm(1.0, size, False)

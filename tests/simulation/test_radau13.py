@@ -11,8 +11,8 @@ import pytest
 import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.simulation.integrators import radau
-from bondgraph.simulation.integrators.steps import radau13_coefficients
-from bondgraph.simulation.integrators.steps import radau13_step as source
+from bondgraph.simulation.integrators.steps import radau_coefficients
+from bondgraph.simulation.integrators.steps import radau_step as source
 from tests.compiling import MODELS
 from tests.published.test_stiff_problems import PUBLISHED
 
@@ -38,9 +38,12 @@ def coefficients(stages: int) -> Sequence[Any]:
     forth = np.stack([row / np.abs(row).max() for row in rows[:1]] + rows[1:])
     # An eigenvector has either sign, as it comes from LAPACK; a pair of them shares its: that of the table.
     first = sum(n * n for n in (3, 5, 7) if n < stages)
-    table = np.reshape(radau13_coefficients.TI[first : first + stages**2], (stages, stages))
+    table = np.reshape(radau_coefficients.TI[first : first + stages**2], (stages, stages))
     signs = [1.0 if table[k] @ forth[k] > 0 else -1.0 for k in (0, *range(1, stages, 2))]
     forth *= np.array([signs[0], *np.repeat(signs[1:], 2)])[:, None]
+    if stages == 3:  # as in the program RADAU5: the end of the step is 1, 1, 0
+        real, a, b = np.linalg.inv(forth)[-1]
+        forth = np.array([[real, 0, 0], [0, a, b], [0, -b, a]]) @ forth
     start = np.linalg.solve(
         basis.T, legendre.legvander(np.array([-1.0]), stages - 1)[0]
     )  # Lagrange polynomials at the start
@@ -52,7 +55,7 @@ def coefficients(stages: int) -> Sequence[Any]:
 @pytest.mark.parametrize(("place", "name"), [*enumerate(("C", "T", "TI", "MU", "E", "WITHIN"))])
 def test_the_table_is_what_is_computed(place: int, name: str) -> None:
     computed = np.concatenate([np.ravel(coefficients(stages)[place]) for stages in (3, 5, 7)])
-    assert getattr(radau13_coefficients, name) == pytest.approx(computed.tolist(), rel=1e-11, abs=1e-12)
+    assert getattr(radau_coefficients, name) == pytest.approx(computed.tolist(), rel=1e-11, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -73,9 +76,14 @@ def test_eigenvalues_are_published(stages: int, published: tuple[float, ...]) ->
 
 
 def test_three_stages_are_those_of_radau() -> None:
-    c, _, _, mu, estimate, within = coefficients(3)
-    assert c == pytest.approx(radau.C, rel=1e-15) and estimate == pytest.approx(radau.E, rel=1e-13)
-    assert (mu[0], abs(mu[2])) == pytest.approx((radau.MU_REAL, abs(radau.MU_COMPLEX.imag)), rel=1e-14)
+    """Formulas of Hairer and Wanner, and digits of their program RADAU5."""
+    c, forth, _, mu, estimate, within = coefficients(3)
+    root = 6**0.5
+    assert c == pytest.approx(radau.C, rel=1e-15)
+    assert estimate == pytest.approx(np.array([-13 - 7 * root, -13 + 7 * root, -1]) / 3, rel=1e-13)
+    assert (mu[0], abs(mu[2])) == pytest.approx((radau.MU_REAL, (3 ** (5 / 6) + 3 ** (7 / 6)) / 2), rel=1e-14)
+    assert forth[0] == pytest.approx([0.09443876248897524, -0.14125529502095421, 0.03002919410514742], rel=1e-12)
+    assert forth[1] == pytest.approx([0.25021312296533332, 0.20412935229379994, -0.38294211275726192], rel=1e-12)
     at = 0.3
     rows = np.array([at, at * (1 - at), at**2 * (1 - at)])
     assert rows @ within == pytest.approx(radau.P @ [at, at**2, at**3], rel=1e-13)
@@ -111,7 +119,7 @@ def test_the_order_rises_and_falls(monkeypatch: pytest.MonkeyPatch) -> None:
     """With three stages alone, many times the steps."""
     model = bondgraph.load(MODELS / "van_der_pol.bg")
     steps = model.simulate(solver="radau13", rtol=1e-10, target="numpy").steps
-    monkeypatch.setattr(source, "MOST", 3)
+    monkeypatch.setattr(source, "STAGES", (3,) * len(source.STAGES))
     assert model.simulate(solver="radau13", rtol=1e-10, target="numpy").steps > 8 * steps
 
 

@@ -11,8 +11,9 @@ EXPLICIT, EXPONENTIAL, RADAU = (METHODS.index(SOLVERS[word]) for word in ("expli
 CHOSEN = frozenset((EXPLICIT, EXPONENTIAL, RADAU))  # those that `automatic` chooses among
 # Functions of the first module of machine code that others call (`compiled/code.py`).
 SHARED = "advance", "begin", "roots_along", "states_along", "real_factors"
-# Facts of the methods, for compiled code.
-PARTS, ESTIMATES = (tuple(getattr(row, name) for row in METHODS) for name in ("parts", "estimate"))
+# Facts of the methods, for compiled code; the function and module of their steps.
+PARTS, ESTIMATES, STAGES = (tuple(getattr(row, name) for row in METHODS) for name in ("parts", "estimate", "stages"))
+STEP_NAMES = tuple(f"{row.steps or row.word}_step" for row in METHODS)
 STIFF, CONSERVING, EXACT, THROUGH_ENDS = (
     tuple(int(getattr(row, name)) for row in METHODS) for name in ("stiff", "conserving", "exact", "through_ends")
 )

@@ -1,8 +1,8 @@
 """Radau IIA of order 5 for M y' = f(t, y) with M = diag(1 … 1, 0 … 0): differential equations, and those with unknowns of loops.
 
 Hairer and Wanner, Solving Ordinary Differential Equations II, sections IV.8 (the method, its simplified Newton iteration, its
-error estimate) and VI.1 (problems with M). Here are its coefficients; the step is in `steps/radau_step.py`. Four things differ from the
-program that comes with that book:
+error estimate) and VI.1 (problems with M). The step is in `steps/radau_step.py`, its coefficients beside it. Four things differ from the program that
+comes with that book:
 
 - Within a step the quintic through values and derivatives at the last three step ends is evaluated, which has the order of the
   method; the derivative at a step's end is that of the collocation polynomial, so that stiffness does not magnify its error.
@@ -17,23 +17,7 @@ import numpy as np
 
 _S6 = 6**0.5
 C = np.array([(4 - _S6) / 10, (4 + _S6) / 10, 1.0])
-E = np.array([-13 - 7 * _S6, -13 + 7 * _S6, -1]) / 3  # weights of the error estimate
-MU_REAL = 3 + 3 ** (2 / 3) - 3 ** (1 / 3)  # eigenvalues of the inverse of the method's matrix
-MU_COMPLEX = 3 + 0.5 * (3 ** (1 / 3) - 3 ** (2 / 3)) - 0.5j * (3 ** (5 / 6) + 3 ** (7 / 6))
-T = np.array(
-    [
-        [0.09443876248897524, -0.14125529502095421, 0.03002919410514742],
-        [0.25021312296533332, 0.20412935229379994, -0.38294211275726192],
-        [1, 1, 0],
-    ]
-)
-TI = np.array(
-    [
-        [4.17871859155190428, 0.32768282076106237, 0.52337644549944951],
-        [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
-        [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
-    ]
-)
+MU_REAL = 3 + 3 ** (2 / 3) - 3 ** (1 / 3)  # eigenvalue of the inverse of the method's matrix
 # The collocation polynomial is y0 + Z.T P [s, s^2, s^3]; D gives its derivative at the end.
 P = np.array(
     [
@@ -44,7 +28,6 @@ P = np.array(
 )
 D = P @ np.array([1.0, 2.0, 3.0])
 INNER = tuple(C[:-1].tolist())  # fractions of a step at which the limits of a model are checked
-NEWTON_ITERATIONS = 6
 SLOWEST = 0.9  # largest contraction assumed for a single component of the stages
 CREEPING = 0.5  # contraction below which components need no separate check
 UNSOLVED = 0.5  # ratio to the residual of a loop equation before the last change: a larger one is no solution

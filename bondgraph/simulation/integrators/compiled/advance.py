@@ -16,7 +16,7 @@ from ..acceptance.step_acceptance import add_work, grow
 from ..acceptance.zero_crossings import may_flip
 from ..dense_output.dense_output import sample
 from ..dop853 import LOOK_AGAIN, OFTEN
-from ..methods import CONSERVING, ESTIMATES, EXACT, EXPLICIT, EXPONENTIAL, METHODS
+from ..methods import CONSERVING, ESTIMATES, EXACT, EXPLICIT, EXPONENTIAL, STEP_NAMES
 from ..outcomes import FINISHED, FLIP, HANDOVER, LOOK, MORE, STIFF
 from ..radau import FIRST_ULPS
 from ..selection import is_steep
@@ -26,7 +26,7 @@ from ..tolerances import first_length
 from ..workspace import IntegratorWorkspace
 
 # The step of each method, by its number: a new one is a row of the table of solvers and a module of `steps/`.
-STEPS = tuple(getattr(import_module(f"..steps.{row.word}_step", __package__), f"{row.word}_step") for row in METHODS)
+STEPS = tuple(getattr(import_module(f"..steps.{name}", __package__), name) for name in STEP_NAMES)
 MARGIN = float(timeline.ROUNDING)
 
 

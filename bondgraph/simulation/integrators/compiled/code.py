@@ -14,7 +14,7 @@ from typing import Any
 from compiler.api import MachineCode
 
 from ....native import kernel
-from ..methods import METHODS, SHARED
+from ..methods import METHODS, SHARED, STEP_NAMES
 from ..outcomes import ABSENT
 
 OPTIMISED = 1  # level 2 takes half as long again, and its steps are no faster
@@ -26,7 +26,7 @@ PARTS = {  # functions that are not in the first module
         ("advance_through", "evaluate", "doubt", "look_ahead", "decide", "keep", "reread", "survey", "narrow"),
         "stepping through events",
     ),
-    **{f"{row.word}_step": f"steps of {row.name}" for row in METHODS},
+    **{f"{row.word}_step": f"steps of {row.name}" for row in METHODS if not row.steps},
     "each_record": "runs of a batch",
 }
 
@@ -59,7 +59,7 @@ def _loaded(part: str) -> MachineCode:
 
 def link_step(method: int) -> None:
     """Let the loop over steps call the step of a method, which answered that it is absent."""
-    name = f"{METHODS[method].word}_step"
+    name = STEP_NAMES[method]
     machine_code(STEPPING).link(name, machine_code(PARTS[name]).address(name))
 
 

@@ -34,5 +34,5 @@ SOURCES |= {step.__name__: step for step in STEPS}
 APART = frozenset({*STEPS, *(SOURCES[name] for name in SHARED)} - {STEPS[EXPLICIT], STEPS[EXPONENTIAL]})
 # Files with loops over all states in each step. LLVM takes as long for the vectors of a loop as for the rest of it; elsewhere runs are no faster by them.
 VECTORS = frozenset((
-    "evaluation", "explicit_step", "radau_step", "rodas_step", "sparse", "factors", "norms", "step_control", "dop853_dense", "trial_interpolant",
+    "evaluation", "explicit_step", "rodas_step", "sparse", "factors", "norms", "step_control", "dop853_dense", "trial_interpolant",
 ))  # fmt: skip

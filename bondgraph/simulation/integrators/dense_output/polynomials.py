@@ -9,9 +9,10 @@ from ..methods import CONSERVING, EXACT, THROUGH_ENDS
 from ..steps.dop853_dense import polynomial
 from ..steps.energy_step import within_step
 from ..steps.exponential_step import exponential_within
+from ..steps.trial_interpolant import along_stages
 from ..workspace import IntegratorWorkspace
 
-P, SURE = tuple(radau.P.ravel().tolist()), radau.SURE
+SURE = radau.SURE
 COMPARED = (1 / 3, 2 / 3)  # fractions of a step
 FOLLOWING = 1 / 2  # of the error estimate: largest difference of the two where the solution is smooth
 ALIKE, APART, BROKEN = 0, 1, 2  # they agree; they differ as where the solution is smooth; by more
@@ -58,11 +59,9 @@ def collocation(s: IntegratorWorkspace, time: float, out: Floats) -> None:
     n = s.n
     before = s.ends - 2
     at = (time - s.end_time[before]) / (s.end_time[before + 1] - s.end_time[before])
-    a = at * (P[0] + at * (P[1] + at * P[2]))
-    b = at * (P[3] + at * (P[4] + at * P[5]))
-    c = at * (P[6] + at * (P[7] + at * P[8]))
+    along_stages(s, at, s.stages, out)
     for i in range(n):
-        out[i] = s.end_state[before * n + i] + (a * s.stages[i] + b * s.stages[n + i] + c * s.stages[2 * n + i])
+        out[i] += s.end_state[before * n + i]
 
 
 def interpolate(s: IntegratorWorkspace) -> None:

@@ -1,29 +1,18 @@
-"""Dense matrices mu/h M - J for a real and a complex mu: assembly, factorisation, solution."""
+"""Matrices mu/h M - J for a real and a complex mu: assembly, factorisation, solution."""
 
 from __future__ import annotations
 
 from compiler.api import Floats
 
-from .. import radau
 from ..linear_algebra.factors import ComplexFactors, back, back_complex, eliminate, eliminate_complex, is_negative
 from ..linear_algebra.sparse import FINE, SINGULAR, complex_back, complex_factors, real_back, real_factors
 from ..workspace import IntegratorWorkspace
 
-MU_REAL, MU_RE, MU_IM = float(radau.MU_REAL), float(radau.MU_COMPLEX.real), float(radau.MU_COMPLEX.imag)
 
-
-def factorise(s: IntegratorWorkspace, size: float) -> int:
-    """Factorise mu/h M - J for the real mu and a complex one, rows scaled; return `FINE`, `SINGULAR`, or `ANEW` if another order is needed."""
-    done = factorise_real(s, MU_REAL / size)
-    if done != FINE:
-        return done
+def factorise_pair(s: IntegratorWorkspace, factors: ComplexFactors, real: float, imaginary: float) -> int:
+    """Factorise mu M - J for a complex mu; return `FINE`, `SINGULAR`, or `ANEW` if another order is needed. `factors`: where they are dense."""
     if s.sparse != 0:
-        return complex_factors(s.pattern, MU_RE / size, MU_IM / size, s.jacobian)
-    return FINE if factorise_pair(s, s.complex, MU_RE / size, MU_IM / size) else SINGULAR
-
-
-def factorise_pair(s: IntegratorWorkspace, factors: ComplexFactors, real: float, imaginary: float) -> bool:
-    """Factorise the dense matrix of a pair of complex mu; return False if it is singular."""
+        return complex_factors(s.pattern, real, imaginary, s.jacobian)
     n = s.n
     re = factors.re
     im = factors.im
@@ -35,11 +24,11 @@ def factorise_pair(s: IntegratorWorkspace, factors: ComplexFactors, real: float,
         im[i * n + i] = imaginary
     for k in range(s.entry_count):
         re[s.rows[k] * n + s.columns[k]] -= s.jacobian[k]
-    return eliminate_complex(factors)
+    return FINE if eliminate_complex(factors) else SINGULAR
 
 
 def factorise_real(s: IntegratorWorkspace, shift: float) -> int:
-    """Factorise shift M - J, as `factorise`."""
+    """Factorise shift M - J for a real shift; return as `factorise_pair`."""
     if s.sparse != 0:
         return real_factors(s.pattern, shift, s.jacobian)
     n = s.n

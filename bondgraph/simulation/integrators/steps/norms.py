@@ -10,22 +10,6 @@ from ..workspace import IntegratorWorkspace
 SLOWEST, CREEPING, LARGEST = radau.SLOWEST, radau.CREEPING, float(radau.LARGEST)
 
 
-def squares(s: IntegratorWorkspace) -> float:
-    """Return the sum of the squared changes in units of the tolerance."""
-    n = s.n
-    one = 0.0
-    two = 0.0
-    three = 0.0
-    for k in range(n):
-        a = s.change[k] * s.per_tolerance[k]
-        b = s.change[n + k] * s.per_tolerance[k]
-        c = s.change[2 * n + k] * s.per_tolerance[k]
-        one += a * a
-        two += b * b
-        three += c * c
-    return one + two + three
-
-
 def most_left(s: IntegratorWorkspace, stages: int) -> float:
     """Return the largest further change of a single component by more iterations, from the last changes and those before, in units of the tolerance.
 
