@@ -388,3 +388,21 @@ def test_a_beam_chain_bends_as_the_elastica(load: float, along: float, aside: fl
     exact = np.array([along, aside, turn])
     assert np.abs(found[1] - exact).max() < 3e-3
     np.testing.assert_allclose((4 * found[1] - found[0]) / 3, exact, atol=1e-4)
+
+
+def test_a_torque_converter_passes_its_coupling_point() -> None:
+    """The published fits do not meet there: between jumping torques the turbine cannot go on."""
+    found = run(
+        "drivetrain", "TorqueConverter",
+        """
+        TorqueConverter part
+        Se engine : M = 150 [N*m]
+        I pump    : L = 0.2 [kg*m^2]*omega { start omega = 80 [1/s] }
+        I turbine : L = 2 [kg*m^2]*omega
+        engine -> 1(pump) -> part.pump
+        part.turbine -> turbine
+        output ratio = turbine.omega/pump.omega, M_p = part.pump.M, M_t = part.turbine.M
+        """,
+        to=5,
+    )  # fmt: skip
+    assert 0.91 < found.final("ratio") < 1 and found.final("M_p") > 0 < found.final("M_t")

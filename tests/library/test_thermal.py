@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import bondgraph
 from bondgraph.errors import RunFailed
 from tests.library.bench import exact, near, run
 
@@ -153,3 +154,21 @@ def test_ambient_takes_any_temperature(temperature: str) -> None:
         40, settings={"air.temperature": temperature},
     )  # fmt: skip
     near(found.final("T"), 233.15 if "degC" in temperature else 300.0)
+
+
+def test_an_exchanger_of_equal_streams_has_slopes_and_no_cancelling_terms() -> None:
+    model = bondgraph.load("""import HeatExchanger from thermal
+    model A {
+      parameter C_a: W/K = 250
+      Se hot : T = 350 K
+      Se cold : T = 300 K
+      HeatExchanger part { C_a = C_a, C_b = 250 [W/K], UA = 300 [W/K] }
+      hot -> part.a
+      part.b -> cold
+      output heat = part.heat_flow
+    }""")
+    rest = model.equilibrium()["heat"]
+    assert rest == pytest.approx(50 * 250 * 300 / 550, rel=1e-14)
+    near_it = model.equilibrium(settings={"C_a": 250 + 1e-6})["heat"]  # the slope is 50 K (N/(1 + N))^2/2
+    assert near_it - rest == pytest.approx(25e-6 * (300 / 550) ** 2, rel=1e-4)
+    assert "7.438" in str(model.sensitivity(("C_a",), of="equilibrium", outputs=("heat",)))
