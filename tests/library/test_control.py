@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import bondgraph
 from tests.library.bench import exact, linear, near, run
 
 
@@ -258,3 +259,17 @@ def test_discrete_rate_limit_falls() -> None:
     body = "DiscreteRateLimit part { T = 0.1 s, rise = 5 [1/s], fall = 1 [1/s], y_0 = 0.3, u = 1 if time < 0.35 s else 0 }\noutput y = part.y"
     found = run("control", "DiscreteRateLimit", body, 1, points=11)
     exact(found["y"], [0.8, 1, 1, 1, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3])
+
+
+def test_a_sampled_loop_is_at_rest_whatever_rounding_leaves_of_its_slope() -> None:
+    """The slope of the controller is zero at rest, but for a rounding that halves from sample to sample: that is no change."""
+    model = bondgraph.load("""import DiscretePid from control
+    model M {
+      parameter a = 3
+      DiscretePid pid { T = 10 ms, k_i = 2 [1/s], setpoint = 2, measured = x }
+      signal x = integral((pid.command - a*x)/1 s, 0)
+      output y = x, u = pid.command
+    }""")
+    for a in (2.4816425714040147, 1.9814306529511398, 3.536764792707368):
+        rest = model.equilibrium(settings={"a": a})
+        near([rest["y"], rest["u"]], [2, 2 * a])

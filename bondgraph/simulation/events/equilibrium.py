@@ -17,7 +17,7 @@ from compiler.api import Array, Program
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
-from ..equilibrium.dense import EquilibriumSearch
+from ..equilibrium.dense import ROUNDING, EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
 from ..segments.sampling import sampling_of
 from ..segments.timeline import Segment
@@ -161,13 +161,13 @@ class SampledSearch(EquilibriumSearch):
         return rates
 
     def slack(self, full: Array) -> Any:
-        """Return the changes of sampled values that count as none: those that relative changes of all coordinates by `SAME` make."""
+        """Return the changes of sampled values that count as none: those that relative changes of all coordinates by `SAME` make, and rounding."""
         here, change = self.rates(full), np.zeros(self.count)
         for i in np.flatnonzero(full[: self.count]):
             moved = full.copy()
             moved[i] *= 1 + SAME
             change += np.abs(self.rates(self._solved(moved)) - here)
-        return change[self.states :] * self.periods
+        return change[self.states :] * self.periods + ROUNDING * self.scale(np.zeros(self.count))[self.states :]
 
     def not_finite(self, slope: Array, full: Array) -> RunFailed:
         """Return the same as `EquilibriumSearch.not_finite`."""
