@@ -67,6 +67,15 @@ def read(steps: str, model: str = MODEL) -> Analysis:
     return only
 
 
+def test_an_output_is_shown_in_the_unit_in_which_it_is_declared() -> None:
+    text = MODEL.replace("output v = mass.p/m", "output v: km/h = mass.p/m")
+    shown = [(r.name, r.unit, r.scale) for r in plan("simulate 0 .. 1 s", text).report]
+    assert shown[:3] == [("x", "m", 1), ("y", "m", 1), ("v", "km/h", pytest.approx(3.6))] and len(shown) == 5
+    shown = [(r.name, r.unit) for r in plan("simulate 0 .. 1 s; report v, x, v in mm/s", text).report]
+    assert shown == [("v", "km/h"), ("x", "m"), ("v", "mm/s")]
+    assert not plan("simulate 0 .. 1 s", MODEL.replace(" pair: m ", " pair ")).report
+
+
 def wrong(steps: str, model: str | Path = MODEL) -> list[tuple[str, str, str]]:
     """Code, marked words and sentence of all that is wrong with an experiment."""
     with pytest.raises(CompilationFailed) as failed:

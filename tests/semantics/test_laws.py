@@ -59,7 +59,7 @@ class TestForms:
         ("element", "word"),
         [
             ("R part", "R part : F = r*v"), ("C part", "F = k*x"), ("I part", "p = m*v"), ("Se part", "F = 1 N"), ("R part : translation", "R part : F = r*v"),
-            ("R part : 3 N", "R part : F"),
+            ("R part : 3 N", "R part : e = 3 N*f"),
         ],
     )  # fmt: skip
     def test_a_law_is_asked_for_with_an_example(self, element: str, word: str) -> None:

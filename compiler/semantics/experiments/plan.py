@@ -78,11 +78,14 @@ def read_plan(
     """Return the plan of the run, and the outputs that it needs."""
     declared = {p.name: p for p in elaborator.pending if p.role == "output" and p.owner.base() is root}
     outputs: dict[str, Named] = {}
+    units: dict[str, Reported] = {}  # of outputs that are declared with one
     for pending in declared.values():
         found = elaborator.guard(elaborator.quantity, pending)
         for scalar in getattr(found, "items", (found,)):
             if isinstance(scalar, Scalar):
                 outputs[scalar.name] = elaborator.quantities[scalar.name]
+                if pending.item.unit is not None:
+                    units[scalar.name] = _in_unit(scalar.name, pending.item.unit)
     plan = Plan(None if experiment is None else experiment.name)
     report: list[Reported] = []
     for step in experiment.steps if experiment is not None else ():
@@ -95,7 +98,7 @@ def read_plan(
                 for reading in step.readings:
                     found = elaborator.guard(_reading, elaborator, reading, root, outputs)
                     if found is not None:
-                        report.append(found)
+                        report.append(found if reading.unit is not None else units.get(found.name, found))
             case tree.Analysis(role="equilibrium", attributes=()) if _before_simulate(step, experiment):
                 plan = replace(plan, equilibrium=True)
             case tree.SweepSyntax() if experiment is not None:
@@ -104,6 +107,8 @@ def read_plan(
             case tree.Analysis():
                 study = elaborator.guard(_analysis, elaborator, step, root, outputs)
                 plan = replace(plan, studies=(*plan.studies, study)) if study is not None else plan
+    if units and not report:
+        report = [units.get(name, Reported(name, output.unit)) for name, output in outputs.items()]
     plan = replace(plan, report=tuple(report))
     elaborator.guard(check_together, experiment, plan)
     return plan, _wanted(elaborator, outputs, plan, scene, root)
@@ -245,7 +250,6 @@ def _reading(elaborator: Elaborator, reading: tree.ReadingSyntax, root: Scope, o
     if isinstance(template.value, tuple):
         raise Wrong(WrongType(reading.value.span, "A single number", "a list", "Report its items one by one."))
     dimension = template.value.dimension
-    unit, scale, offset = str(dimension or ONE), 1.0, 0.0
     if reading.unit is not None:
         wanted = scale_of(reading.unit)
         if dimension is not None and wanted.dimension != dimension:
@@ -256,11 +260,13 @@ def _reading(elaborator: Elaborator, reading: tree.ReadingSyntax, root: Scope, o
             what = f"`{name}` is the rate of an angle, and {reading.unit.span.text} counts cycles"
             hint = f"Report it in rpm or rad/s, or `{in_cycles(reading.value)}` in {reading.unit.span.text}."
             raise Wrong(DimensionMismatch(reading.unit.span, what, hint))
-        unit = reading.unit.span.words.replace(" ", "")
-        offset = wanted.from_si(0.0)
-        scale = wanted.from_si(1.0) - offset
     if name not in outputs:
         (formula,) = template.formulas
         bound = elaborator.bind(template, formula, root)
         outputs[name] = Named(name, "output", str(dimension or ONE), bound, None, reading.value.span)
-    return Reported(name, unit, scale, offset)
+    return Reported(name, str(dimension or ONE)) if reading.unit is None else _in_unit(name, reading.unit)
+
+
+def _in_unit(name: str, unit: tree.Unit) -> Reported:
+    scale = scale_of(unit)
+    return Reported(name, unit.span.words.replace(" ", ""), scale.from_si(1.0) - scale.from_si(0.0), scale.from_si(0.0))

@@ -8,6 +8,7 @@ from itertools import islice
 
 from ...algebra.interpolate import OutsideTable
 from ...errors import Diagnostic
+from ...graph.domains import BUNDLES, DOMAINS
 from ...graph.elements import ELEMENTS
 from ...graph.units import ONE, Dimension
 from ...syntax import tree
@@ -38,7 +39,8 @@ class AlreadyTold(Exception):
 def no_law(declaration: tree.Declaration, name: str) -> WrongLaw:
     """Return the error of an element without a law, or with a number or an expression in its place."""
     row, written, start = ELEMENTS[declaration.kind], declaration.definition, f"{declaration.kind} {name} : "
-    if written is None or not row.of_value:
+    is_domain = isinstance(written, tree.PathSyntax) and written.head in (*DOMAINS, *BUNDLES)
+    if written is None or is_domain or not row.of_value:
         hint = f"Write it after a colon, as in `{start}{row.example}`."
         return WrongLaw(declaration.span, f"`{declaration.kind} {name}` has no law", hint)
     words = (
