@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 
@@ -68,11 +69,21 @@ def test_neither_is_a_name_of_one(rate: str, cycles: str, step: str) -> None:
         ("P a { f = w }; P b { f = w/(2*pi) }; P c { f = w if n > 2 else 1 Hz }", ["w", "w if n > 2 else 1 Hz"]),
         ("signal a = (1 if shaft.omega > 3 Hz else 0), b = w - 3 Hz, c = (1 if f0 > 3 Hz else 0)", ["shaft.omega", "w"]),
         ("Sf other : omega = 50 Hz; other -> shaft", ["50 Hz"]),
+        ("signal a = off(w), b = off(shaft.omega), c = off(f0), d = off(w/(2*pi)), e = deep(v)", ["2*x", "w", "shaft.omega"]),
+        ("signal a = beyond(w, f0), b = beyond(f0, 2 Hz), c = beyond(w, v), d = (1 if shaft.omega > 2*f0 else 0)", ["w", "shaft.omega"]),
+        ("signal a = w - f0, b = max(w, 3 Hz), c = f0 - w/(2*pi), d = v - 2*pi*f0, e = shaft.omega - w", ["w", "w"]),
+        ("parameter f: Hz = twice(w), g: rad/s = twice(f0), h: Hz = twice(f0), i: rad/s = 2*pi*twice(f0)", ["twice(w)", "twice(f0)"]),
+        ("R r : M = D*(omega - 2 Hz); R s : M = D*off(omega); R t : M = D*(f - f0)", ["omega", "omega", "f"]),
+        ("R r : M = (D*omega if omega > 2 Hz else D*w); R s : M = D*max(2*omega, f0)", ["omega", "2*omega"]),
+        ("R r : M = D*(omega - w); R s : M = D*(omega/(2*pi) - f0); R t : M = D*(omega - 3 rpm)", []),
+        ("Sf other : omega = twice(50 Hz); other -> shaft", ["twice(50 Hz)"]),
     ],
 )  # fmt: skip
 def test_no_quantity_is_in_both(text: str, places: list[str]) -> None:
     """A speed of 3000 rpm was a frequency of 314 Hz, and 50 Hz one of 50 rad/s."""
-    inside = "parameter w = 3 rad/s, v: rad/s = 2, n = 3, k = 2 m/(3 m), f0 = 1 Hz; 1 shaft : rotation; I m : p = 1 [kg*m^2]*omega; shaft -> m"
+    own = "function off(w) = w - 50 Hz; function deep(x) = off(2*x); function twice(x) = 2*x; function beyond(w, f) = (1 if w > f else 0)"
+    inside = f"{own}; parameter w = 3 rad/s, v: rad/s = 2, n = 3, k = 2 m/(3 m), f0 = 1 Hz, D = 1 [N*m*s]; 1 shaft : rotation; I m : p = 1 [kg*m^2]*omega; shaft -> m"
+    inside += "; shaft -> " + ", ".join(re.findall(r"R (\w)", text)) if "R r" in text else ""
     found = told(f"model P {{ parameter f = 50 Hz; output x = f }}; model A {{ {inside}; {text} }}")
     assert [(code, place) for code, place, *_ in found] == [("BG103", place) for place in places]
 

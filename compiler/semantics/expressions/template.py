@@ -17,7 +17,6 @@ from ...syntax import tree
 from ..names.errors import DimensionMismatch, WrongType
 from ..names.scope import Scope
 from ..names.statement_errors import Wrong, describe, unit_hint
-from .scales import counts_cycles
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,22 +76,6 @@ class Check:
             else:
                 guards.append(part)
         return replace(self, guards=(*self.guards, *guards))
-
-
-def rates_in(node: tree.ExpressionSyntax) -> tuple[Check, ...]:
-    """Return a check of the frequencies of a chirp, and of what stands beside one in Hz, which is no rate of an angle."""
-    match node:
-        case tree.Call(function="chirp", arguments=(_, *parts)):
-            return (Check("chirp", node.span, (), (), cycles=tuple(parts[:2])),)
-        case tree.Sum():
-            parts = [term for _, term in node.terms]
-        case tree.Comparison():
-            parts = [node.left, node.right]
-        case _:
-            return ()
-    units = [part.unit for part in parts if isinstance(part, tree.Literal) and part.unit is not None]
-    beside = any(counts_cycles(unit.span.text) for unit in units)
-    return (Check("", node.span, (), (), cycles=tuple(parts)),) if beside else ()
 
 
 @dataclass(frozen=True, slots=True)

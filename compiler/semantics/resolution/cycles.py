@@ -11,6 +11,7 @@ from ...graph.domains import Domain
 from ...graph.network import Reading
 from ...graph.units import ONE, SECOND
 from ...syntax import tree
+from ..expressions.own_functions import opened
 from ..expressions.scales import bare, counts_cycles, counts_radians, scale_of
 from ..expressions.template import Check
 from ..names.errors import DimensionMismatch
@@ -60,6 +61,13 @@ def counts_angle(
         case tree.Product(factors=factors):
             others = [factor for _, factor in factors if not counts_angle(names, factor, scope, counts, most)]
             return len(others) == len(factors) - 1 and all(_is_number(names, o, scope) for o in others)
+        case tree.Call(function=name, arguments=given):
+            own = scope.function(name)
+            function = own[0] if own is not None else scope.definition.file.functions.get(name)
+            if function is None or len(given) != len(function.parameters):
+                return False
+            body = opened(function.body, (dict(zip(function.parameters, given, strict=True)), None))
+            return most > 0 and counts_angle(names, body, scope, counts, most // 2)
         case tree.PathSyntax():
             entry = _read(names, expression, scope)
             if isinstance(entry, Pending):
