@@ -117,6 +117,11 @@ class Compilation:
         return self._built.choices
 
     @property
+    def words(self) -> Mapping[str, tuple[str, ...]]:
+        """Quantities with nothing between their values, with words for these."""
+        return {**dict.fromkeys(self._built.truths, ("true", "false")), **self._built.choices}
+
+    @property
     def files(self) -> tuple[Source, ...]:
         """Files read in addition to the text: imported files and columns of numbers."""
         return self._built.files

@@ -21,7 +21,7 @@ def refuse_structural(compilation: Compilation, names: Sequence[str]) -> None:
 
 
 def refuse_choice(name: str, choices: Mapping[str, tuple[str, ...]]) -> None:
-    """Raise `UsageError` for a parameter that is one of several words."""
+    """Raise `UsageError` for a parameter that is one of several words, or a truth."""
     if name in choices:
         raise UsageError(
             "BR277", f"`{name}` is one of the words {', '.join(choices[name])}, and has nothing between them;", "`sweep` compares them",

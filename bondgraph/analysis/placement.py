@@ -43,10 +43,12 @@ def operating_point(
     try:
         point = _point(model, asked, target, moved)
     except CompilationFailed:
-        choices = model.compilation(model.scene(asked.experiment, asked.settings or {})).choices if asked.by else {}
+        words = model.compilation(model.scene(asked.experiment, asked.settings or {})).words if asked.by else {}
         for name in asked.by:
-            refuse_choice(name, choices)
+            refuse_choice(name, words)
         raise
+    for name in asked.by:
+        refuse_choice(name, point.made.compilation.words)
     if not asked.upstream or asked.state != "equilibrium" or point.made.certificate.linear:
         return point
     try:

@@ -102,11 +102,12 @@ def independent(
     }  # fmt: skip
     if parameters is None:
         numbers = (n for n, q in graph.quantities.items() if n in free and q.role == "parameter")
-        return tuple(n for n in numbers if n not in compilation.structural), dict(settings)
+        fixed_ones = compilation.structural | compilation.words.keys()
+        return tuple(n for n in numbers if n not in fixed_ones), dict(settings)
     fixed = dict(settings)
     for name in parameters:
         named = graph.quantities.get(name)
-        refuse_choice(name, compilation.choices)
+        refuse_choice(name, compilation.words)
         if named is None or named.role not in ("parameter", "input"):
             some = ", ".join(n for n, q in graph.quantities.items() if q.role == "parameter" and "." not in n)
             raise UsageError(

@@ -22,7 +22,7 @@ from .names.compound_units import in_one_literal, names_in
 from .names.domain_table import slot_defaults, wall_items
 from .names.errors import AbsentName, NoSingleModel, UnknownName, WrongConnection
 from .names.imports import Loader
-from .names.scope import Absent, Broken, FileScope, ModelDefinition, Scope
+from .names.scope import Absent, Broken, FileScope, ModelDefinition, Scalar, Scope
 from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
 from .network.elaborate import Elaborator
 from .network.events import read_events, read_relays, read_stops
@@ -43,6 +43,7 @@ class Built:
     positive: tuple[tuple[str, Bound], ...] = ()  # expressions that must not be negative; only a run knows their values
     structural: frozenset[str] = frozenset()  # quantities that decide which parts there are
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters that are one of several words
+    truths: frozenset[str] = frozenset()  # quantities that are true or false
 
     def checking(self, checks: Iterable[Requirement], fixed: Set[str] = frozenset()) -> Built:
         """Return the same with checks at its start, and with constants in the place of parameters of these names."""
@@ -310,8 +311,9 @@ class _Opened:
         if not elaborator.part and not elaborator.structure_broken:
             elaborator.diagnostics += unconnected(graph)
         choices = {p.name: tuple(word for word, _ in p.item.choices) for p in elaborator.pending if p.item.choices}
+        truths = (p.name for p in elaborator.pending if isinstance(p.result, Scalar) and p.result.truth)
         structural = behind(elaborator.structural, graph.quantities)
-        built = Built(graph, plan, (), tuple(elaborator.positive), structural, choices)
+        built = Built(graph, plan, (), tuple(elaborator.positive), structural, choices, frozenset(truths))
         if "*" not in self.scene.free:
             return built
         # A program for all values is one for these parts alone.

@@ -145,6 +145,13 @@ NAMED = (
 )
 
 
+# Slopes by a truth were 0, a branch over it passed "jumps" at 0.5, and a fit found -inf .. inf.
+BY_A_TRUTH: list[Callable[[bondgraph.Model], object]] = [
+    lambda m: m.sensitivity(["firm"]), lambda m: m.linearize(["firm"]), lambda m: m.continuation("firm", 0, 1), lambda m: m.sensitivity_of_run(["a", "firm"], to=1),
+    lambda m: m.montecarlo({"firm": "uniform(0, 1)"}), lambda m: m.response(["firm"], ["x"]), lambda m: m.invert({"x": 1.0}, ["firm"]),
+]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("call", "code", "words"),
     [
@@ -158,6 +165,7 @@ NAMED = (
         (lambda m: m.sensitivity(["n"]), "BR276", "`n` decides which parts"), (lambda m: m.linearize(["n"]), "BR276", "`sweep`"),
         (lambda m: m.continuation("n", 1, 3), "BR276", "`n`"), (lambda m: m.sensitivity_of_run(["n"]), "BR276", "`n`"),
         (lambda m: m.sensitivity(["kind"]), "BR277", "one of the words soft, hard"), (lambda m: m.linearize(["kind"]), "BR277", "nothing between them"), (lambda m: m.montecarlo({"kind": "uniform(1, 2)"}), "BR277", "`sweep`"),
+        *((call, "BR277", "`firm` is one of the words true, false, and has nothing between them") for call in BY_A_TRUTH),
         (lambda m: m.sweep({"kind": ["soft", "thick"]}), "BR499", "`kind` cannot be `thick`; it can be soft, hard"),
     ],
 )  # fmt: skip
@@ -168,9 +176,9 @@ def test_a_wrong_kind_of_argument_is_told(call: Callable[[bondgraph.Model], obje
 
 
 COUNTED = """plain model A {
-  parameter a = 1, n = 2, kind: { soft, hard } = soft
+  parameter a = 1, n = 2, kind: { soft, hard } = soft, firm = true
   I m : p = f { start f = 1 }
-  C c : e = a*q*(1 if kind == soft else 9)
+  C c : e = a*q*(1 if kind == soft else 9)*(1 if firm else 2)
   1 j
   j -> m, c
   for i in 1..n { R r[i] : e = 0.1*f/n; j -> r[i] }
