@@ -15,6 +15,7 @@ import numpy as np
 
 from compiler.api import Array, ComplexArray, IntArray, Leaf, letters
 
+from ..errors import RunFailed
 from ..numerics.scales import group_numbers, largest_of_group, nonzero
 from ..rendering import OfModel, Summarised
 from ..results.json_values import entries, head
@@ -195,8 +196,17 @@ def _note(linear: Linearization) -> str:
 
 
 def moving_frequencies(point: OperatingPoint) -> list[float]:
-    """Return the frequencies of the moving modes, in Hz, slowest first, without computing shapes and energies."""
-    return [abs(v) / (2 * math.pi) for v in eigenvalues(state_matrix(point)) if v]
+    """Return the frequencies of the moving modes, in Hz, slowest first, without computing shapes and energies.
+
+    Raises `RunFailed` at a rest that a mode leaves without vibrating: beside those of other points it is no frequency.
+    """
+    moving = [v for v in eigenvalues(state_matrix(point)) if v]
+    leaving = next((v.real for v in moving if v.imag == 0 and v.real > 0), None)
+    if leaving is not None:
+        raise RunFailed(
+            "BR448", f"the model does not hold there: its rest is unstable, and is left at {leaving:.6g} 1/s without vibrating, which is no frequency",
+        )  # fmt: skip
+    return [abs(v) / (2 * math.pi) for v in moving]
 
 
 def eigenvalues(A: Array) -> list[complex]:

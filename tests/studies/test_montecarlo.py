@@ -128,6 +128,16 @@ def test_what_fails_is_counted_named_and_in_no_statistic() -> None:
         model.montecarlo({"m": "uniform(-2 kg, -1 kg)"}, samples=8, workers=ALONE)
 
 
+def test_a_rest_that_is_left_without_vibrating_has_no_frequency() -> None:
+    """How fast a mode leaves its rest was among the frequencies: 25 of 100 points of this spring."""
+    model = bondgraph.load(OSCILLATOR)
+    found = model.montecarlo({"k": "uniform(-50 N/m, 150 N/m)"}, "modes", samples=16, indices=0, workers=ALONE)
+    assert found.failures.keys() == set(np.flatnonzero(found("k") < 0)) and len(found.failures) == 4
+    assert all("without vibrating, which is no frequency" in why for why in found.failures.values())
+    there = found("k") > 0
+    assert found("frequency 1")[there] == pytest.approx(np.sqrt(found("k")[there]) / (2 * np.pi), rel=1e-12)
+
+
 def test_bad_calls() -> None:
     model = bondgraph.load(OSCILLATOR)
     vary = {"k": "uniform(50 N/m, 150 N/m)"}
