@@ -117,9 +117,8 @@ class Compilation:
         return self._built.choices
 
     @property
-    def words(self) -> Mapping[str, tuple[str, ...]]:
-        """Quantities with nothing between their values, with words for these."""
-        return {**dict.fromkeys(self._built.truths, ("true", "false")), **self._built.choices}
+    def truths(self) -> frozenset[str]:
+        return self._built.truths
 
     @property
     def files(self) -> tuple[Source, ...]:
@@ -280,9 +279,8 @@ class Compilation:
         whole = self.whole_space
         if self.cancels:
             return frozenset()
-        if scene.opened:  # the same states as with closed loops
-            whole = reduce_equations(self.equations, False, self.graph.span)
-        return at_rest(whole, self.later)
+        # the same states as with closed loops
+        return at_rest(reduce_equations(self.equations, False, self.graph.span) if scene.opened else whole, self.later)
 
     @cached_property
     def whole_space(self) -> StateSpace:

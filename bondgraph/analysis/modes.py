@@ -204,7 +204,7 @@ def moving_frequencies(point: OperatingPoint) -> list[float]:
     leaving = next((v.real for v in moving if v.imag == 0 and v.real > 0), None)
     if leaving is not None:
         raise RunFailed(
-            "BR448", f"the model does not hold there: its rest is unstable, and is left at {leaving:.6g} 1/s without vibrating, which is no frequency",
+            "BR278", f"the rest is unstable, and is left at {leaving:.6g} 1/s without vibrating, which is no frequency",
         )  # fmt: skip
     return [abs(v) / (2 * math.pi) for v in moving]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..errors import UsageError
@@ -20,9 +20,10 @@ def refuse_structural(compilation: Compilation, names: Sequence[str]) -> None:
         )  # fmt: skip
 
 
-def refuse_choice(name: str, choices: Mapping[str, tuple[str, ...]]) -> None:
+def refuse_choice(name: str, compilation: Compilation) -> None:
     """Raise `UsageError` for a parameter that is one of several words, or a truth."""
-    if name in choices:
+    words = ("true", "false") if name in compilation.truths else compilation.choices.get(name, ())
+    if words:
         raise UsageError(
-            "BR277", f"`{name}` is one of the words {', '.join(choices[name])}, and has nothing between them;", "`sweep` compares them",
+            "BR277", f"`{name}` is one of the words {', '.join(words)}, and has nothing between them;", "`sweep` compares them",
         )  # fmt: skip

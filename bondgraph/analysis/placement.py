@@ -43,12 +43,11 @@ def operating_point(
     try:
         point = _point(model, asked, target, moved)
     except CompilationFailed:
-        words = model.compilation(model.scene(asked.experiment, asked.settings or {})).words if asked.by else {}
         for name in asked.by:
-            refuse_choice(name, words)
+            refuse_choice(name, model.compilation(model.scene(asked.experiment, asked.settings or {})))
         raise
     for name in asked.by:
-        refuse_choice(name, point.made.compilation.words)
+        refuse_choice(name, point.made.compilation)
     if not asked.upstream or asked.state != "equilibrium" or point.made.certificate.linear:
         return point
     try:

@@ -102,12 +102,12 @@ def independent(
     }  # fmt: skip
     if parameters is None:
         numbers = (n for n, q in graph.quantities.items() if n in free and q.role == "parameter")
-        fixed_ones = compilation.structural | compilation.words.keys()
-        return tuple(n for n in numbers if n not in fixed_ones), dict(settings)
+        between = compilation.structural | compilation.truths | compilation.choices.keys()
+        return tuple(n for n in numbers if n not in between), dict(settings)
     fixed = dict(settings)
     for name in parameters:
         named = graph.quantities.get(name)
-        refuse_choice(name, compilation.words)
+        refuse_choice(name, compilation)
         if named is None or named.role not in ("parameter", "input"):
             some = ", ".join(n for n, q in graph.quantities.items() if q.role == "parameter" and "." not in n)
             raise UsageError(

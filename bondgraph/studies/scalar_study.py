@@ -109,7 +109,7 @@ def units_of(
     quantities = compilation.whole_graph.quantities
     refuse_two_readings(values, quantities)
     for name in values:
-        refuse_choice(name, compilation.words)
+        refuse_choice(name, compilation)
         if name not in quantities:  # the compiler's message lists the existing names
             _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
     return {name: quantities[name].unit for name in values}

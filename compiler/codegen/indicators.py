@@ -43,23 +43,23 @@ def indicator(left: Expression, right: Expression, is_fixed: Callable[[Expressio
 
 
 def rounding(
-    x: Expression, is_fixed: Callable[[Expression], bool], known: dict[Expression, Expression] | None = None
+    x: Expression, is_fixed: Callable[[Expression], bool], sizes: dict[Expression, Expression] | None = None
 ) -> Expression:
     """Return the size up to which an expression is but the rounding of terms that cancel, `x/3 + x/7 - x*(10/21)`; zero if it has none.
 
-    A function of such terms is as unsure as its values at both ends of what its operands may be differ. `known`: sizes of others; added to.
+    A function of such terms is as unsure as its values at both ends of what its operands may be differ. `sizes`: sizes of others; added to.
     """
-    known = {} if known is None else known
-    if x not in known:
-        known[x] = ZERO if is_fixed(x) or not isinstance(x, Apply) else _rounding(x, is_fixed, known)
-    return known[x]
+    sizes = {} if sizes is None else sizes
+    if x not in sizes:
+        sizes[x] = ZERO if is_fixed(x) or not isinstance(x, Apply) else _rounding(x, is_fixed, sizes)
+    return sizes[x]
 
 
-def _rounding(x: Apply, is_fixed: Callable[[Expression], bool], known: dict[Expression, Expression]) -> Expression:
+def _rounding(x: Apply, is_fixed: Callable[[Expression], bool], sizes: dict[Expression, Expression]) -> Expression:
     row = OPERATORS.get(x.operator)
     if row is None or row.kind == "condition" or row.course == "jumping" or x.operator == "noise":
         return ZERO
-    inner = [rounding(o, is_fixed, known) for o in x.operands]
+    inner = [rounding(o, is_fixed, sizes) for o in x.operands]
     if x.operator == "add":
         own = [call("abs", o) for o in x.operands] if sum(not is_fixed(o) for o in x.operands) > 1 else []
         return add(multiply(Number(float(len(own))), ROUNDED, add(*own)), *inner)
@@ -67,15 +67,15 @@ def _rounding(x: Apply, is_fixed: Callable[[Expression], bool], known: dict[Expr
         return select(x.operands[0], *inner[1:])
     is_root = x.operator == "power" and not (isinstance(x.operands[1], Number) and x.operands[1].value.is_integer())
     lowest, highest = (0.0, inf) if is_root else row.domain
-    sizes: list[Expression] = []
+    moves: list[Expression] = []
     for i, (operand, size) in enumerate(zip(x.operands, inner, strict=True)):
         if size == ZERO:
             continue
         low = call("max", operand - size, Number(lowest)) if lowest > -inf else operand - size
         high = call("min", operand + size, Number(highest)) if highest < inf else operand + size
         ends = [rebuild(x.operator, (*x.operands[:i], end, *x.operands[i + 1 :])) for end in (low, high)]
-        sizes += [call("abs", end - x) for end in ends]
-    return add(*sizes, multiply(ROUNDED, call("abs", x))) if sizes else ZERO
+        moves += [call("abs", end - x) for end in ends]
+    return add(*moves, multiply(ROUNDED, call("abs", x))) if moves else ZERO
 
 
 def parts_of(x: Expression, is_fixed: Callable[[Expression], bool]) -> tuple[Expression, Expression, Expression] | None:

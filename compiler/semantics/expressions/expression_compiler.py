@@ -13,7 +13,7 @@ from fractions import Fraction
 from ...algebra.expression import ONE as NUMBER_ONE
 from ...algebra.expression import ZERO, Expression, Number, Symbol, call, power, select
 from ...algebra.formula import Formula
-from ...graph.units import ONE, SECOND, UNITS, Dimension, Scale
+from ...graph.units import ONE, UNITS, Dimension, Scale
 from ...source import Span
 from ...syntax import tree
 from ...syntax.errors import NumberTooLarge
@@ -34,7 +34,8 @@ from ..names.statement_errors import Wrong, describe, reading_of, suggestion
 from . import tables
 from .functions import FUNCTIONS
 from .lists import each, item_of, parts_of, place_in, product, rows_of, selected, shape_of, shaped, sort_of, total
-from .own_functions import RATE_OF_ANGLE, Written, may_read, opened
+from .own_functions import may_read
+from .rates import own_rates, rates_in
 from .scales import bare, is_absolute, scale_of
 from .template import (
     Check,
@@ -68,7 +69,6 @@ INSIDE = {  # advice in a function
     "integral": "Integrate", "delay": "Delay it", "der": "Differentiate", "hysteresis": "Let it be a parameter, and give it",
 }  # fmt: skip
 BUILT_IN = (*FUNCTIONS, *MEMORIES, *tables.USAGE, *VECTORS)
-RATE = ONE / SECOND
 MAXIMUM_ITEMS = 10_000  # of one list
 MAXIMUM_CALLS = 1000  # functions opened in one expression
 MOST_DECIBELS = 6000  # a ratio of 1e300
@@ -90,13 +90,7 @@ class ExpressionCompiler:
         self.slot_list: list[Slot] = []
         self.local: dict[str, Value] = {}  # parameters of a function being opened
         # what is written for parameters of a function being opened, and a law's own rates of angles
-        rates = {
-            words: RATE_OF_ANGLE
-            for words, own in self.own.items()
-            for one in ([own] if isinstance(own, OwnVariable) else own)
-            if one.own.variable == "f" and one.dimension == RATE
-        }
-        self.written: Written | None = (rates, None) if rates else None
+        self.written = own_rates(self.own)
         self.opening: list[str] = []  # functions being opened, outermost first
         # names are read there: those of a function where it is defined; None in a function of the file
         self.home: Scope | None = scope
@@ -110,14 +104,8 @@ class ExpressionCompiler:
         if isinstance(value, Typed):
             no_choice(value, expression.span)
         formulas = tuple(Formula(len(self.slot_list), p.expression) for p in parts_of(value))
-        return Template(
-            value,
-            tuple(self.slot_list),
-            formulas,
-            tuple(self.checks),
-            tuple(self.lists.values()),
-            tuple(self.functions.items()),
-        )
+        read = tuple(self.lists.values()), tuple(self.functions.items())
+        return Template(value, tuple(self.slot_list), formulas, tuple(self.checks), *read)
 
     def _in_unit(self, expression: tree.ExpressionSyntax) -> Value:
         """Value after `name : unit =`: a bare number, alone or in a list, is in that unit; any other expression has its own."""
@@ -151,26 +139,12 @@ class ExpressionCompiler:
     def value(self, node: tree.ExpressionSyntax) -> Value:
         """Compile a node. Raises `Wrong` for a number that is not finite."""
         value = self._value(node)
-        match node:
-            case tree.Call(function="chirp", arguments=(_, first, last, *_)):
-                self._check_rates(node, first, last)
-            case tree.Sum() if any(part.dimension == RATE for part in parts_of(value)):
-                self._check_rates(node, *(term for _, term in node.terms))
-            case tree.Call(function="min" | "max", arguments=terms) if any(
-                p.dimension == RATE for p in parts_of(value)
-            ):
-                self._check_rates(node, *terms)
+        self.checks += rates_in(node, value, self.written)
         for part in parts_of(value):
             if not part.truth and not has_value(part.expression):
                 why = "a division by zero, an overflow, or a root or logarithm of a negative number"
                 raise Wrong(NoValue(node.span, why, NO_NAMES))
         return value
-
-    def _check_rates(self, node: tree.ExpressionSyntax, *parts: tree.ExpressionSyntax) -> None:
-        """Note rates that stand beside each other, or are frequencies of a `chirp`: what counts cycles is no rate of an angle."""
-        if not all(isinstance(part, tree.PathSyntax) and part.words in self.own for part in parts):
-            function = node.function if isinstance(node, tree.Call) else ""
-            self.checks.append(Check(function, node.span, (), (), cycles=opened(parts, self.written)))
 
     def _value(self, node: tree.ExpressionSyntax) -> Value:
         match node:
@@ -413,8 +387,8 @@ class ExpressionCompiler:
         if sides != (None, None):
             return self._compared(node, sides)
         left, right = self.scalar(node.left), self.scalar(node.right)
-        if common_dimension([(left, node.left.span), (right, node.right.span)], "These cannot be compared") == RATE:
-            self._check_rates(node, node.left, node.right)
+        common_dimension([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
+        self.checks += rates_in(node, (left, right), self.written)
         a, b = left.expression, right.expression
         match node.operator:
             case "<":
@@ -509,14 +483,14 @@ class ExpressionCompiler:
         if self.opened > MAXIMUM_CALLS:
             raise Wrong(TooMany(node.span, "Calls of functions in one expression", MAXIMUM_CALLS))
         values = {name: self.value(a) for name, a in zip(function.parameters, node.arguments, strict=True)}
-        saved, self.local = self.local, values
-        seen, self.home = self.home, home
-        before, self.written = self.written, (dict(zip(function.parameters, node.arguments, strict=True)), self.written)
+        saved = self.local, self.home, self.written
+        written = dict(zip(function.parameters, node.arguments, strict=True)), self.written
+        self.local, self.home, self.written = values, home, written
         self.opening.append(function.name)
         try:
             return self.value(function.body)
         finally:
-            self.local, self.home, self.written = saved, seen, before
+            self.local, self.home, self.written = saved
             self.opening.pop()
 
 

@@ -11,7 +11,7 @@ from ...graph.domains import Domain
 from ...graph.network import Reading
 from ...graph.units import ONE, SECOND
 from ...syntax import tree
-from ..expressions.own_functions import opened
+from ..expressions.rates import opened
 from ..expressions.scales import bare, counts_cycles, counts_radians, scale_of
 from ..expressions.template import Check
 from ..names.errors import DimensionMismatch
