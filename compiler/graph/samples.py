@@ -1,4 +1,5 @@
-"""`every` blocks line by line, as a controller's program: each line reads what the lines before it have set.
+"""`every` blocks line by line, as a controller's program: each line reads what the lines before it have set; a line that sets a list
+sets its items together.
 
 The result sets all at once, like `when`: each line that reads an earlier one reads that line's new value, a signal of its own. What a line
 reads of the bond graph stays as it was when the block began, measured by the controller.
@@ -7,6 +8,7 @@ reads of the bond graph stays as it was when the block began, measured by the co
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import groupby
 
 from ..algebra.expression import Symbol
 from ..algebra.formula import Bound, Formula
@@ -36,14 +38,16 @@ class _Order:
         """One block: of a target that several lines set the last one counts, and lines between see each. With a delay it is two."""
         new_values: dict[Quantity | Reading, Quantity] = {}
         last: dict[Quantity | Reading, Action] = {}
-        for action in event.actions:
-            value = self._after(action.value, new_values)
-            if action is not event.actions[-1]:
-                unit = self.quantities[action.target.name].unit if isinstance(action.target, Quantity) else ""
-                new = self._added(Named(f"new {action.words}", "signal", unit, value, None, action.span))
-                new_values[action.target], value = new, Bound(ITSELF, (new,))
-            last.pop(action.target, None)
-            last[action.target] = replace(action, value=value)
+        for _, line in groupby(event.actions, lambda action: action.span):
+            set_before = dict(new_values)  # the items of a list are set together
+            for action in line:
+                value = self._after(action.value, set_before)
+                if action is not event.actions[-1]:
+                    unit = self.quantities[action.target.name].unit if isinstance(action.target, Quantity) else ""
+                    new = self._added(Named(f"new {action.words}", "signal", unit, value, None, action.span))
+                    new_values[action.target], value = new, Bound(ITSELF, (new,))
+                last.pop(action.target, None)
+                last[action.target] = replace(action, value=value)
         block = replace(event, actions=tuple(last.values()))
         return self._delayed(block) if event.sampling is not None and event.sampling.delay is not None else (block,)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import groupby
 
 from ..algebra.expression import Number, Symbol
 from ..algebra.formula import bind
@@ -11,7 +12,7 @@ from ..errors import CompilationFailed, Diagnostic, InternalError
 from ..graph.domains import DOMAINS
 from ..graph.elements import TRANSDUCERS, Kind
 from ..graph.network import BondEnd, BondGraph, Delay, Element, Event, Junction, MechanismNode, Named, Node, Requirement
-from ..graph.units import ONE, SECOND
+from ..graph.units import ONE, SECOND, Dimension
 from .element import element_line
 from .errors import UnwrittenDomain, UnwrittenFile
 from .literals import NotWritable, bond_lines, braces, description_text, former_name, number_text, unit_text
@@ -44,6 +45,11 @@ def _delay_of(named: Named, graph: BondGraph) -> Delay | None:
     return graph.delays.get(getattr(read.key, "name", "")) if isinstance(read, Symbol) else None
 
 
+def _unit_of(dimension: Dimension) -> str:
+    """Unit behind a declared name."""
+    return "" if dimension == ONE else f": {unit_text(dimension)}"
+
+
 class _Writer:
     """Writer of one graph."""
 
@@ -56,6 +62,7 @@ class _Writer:
         self.names = choose_names(graph, self.shared, separate, self.plain)
         self.words = Words(graph, self.names, self.plain)
         self.mistakes: list[Diagnostic] = []
+        self.held: list[str] = []  # modes for what one line of an `every` sets together
         # signals and outputs that are a delay and nothing else, by name: the text needs no second name for it
         entries = (*graph.quantities.values(), *graph.outputs.values())
         self.delayed = {n.name: d for n in entries if (d := _delay_of(n, graph)) is not None}
@@ -70,10 +77,11 @@ class _Writer:
         ]
         parts = [line for n in nodes for line in self._told(n, self._node(n))]
         quantities = [line for q in inner for line in self._told(q, self._quantity(q))]
-        quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]
         outputs = [line for n, o in graph.outputs.items() for line in self._told(o, self._output(n, o))]
         limits = [line for r in graph.requirements for line in self._told(r, self._requirement(r))]
         events = [line for e in graph.events if not e.stops for line in self._told(e, self._event(e))]
+        quantities += [f"constant {name} = {number_text(value)}" for value, name in self.words.constants.items()]
+        quantities += self.held
         self._check_domains()
         if self.mistakes:
             raise CompilationFailed(self.mistakes)
@@ -95,10 +103,25 @@ class _Writer:
             yield f"{' '.join(words)} {{"
         else:
             yield f"when {self.words.condition(event.condition)} {{"
-        for action in event.actions:
-            target = self.words.reference(action.target)
-            yield f"  {target.text} = {self.words.bound(action.value, target.dimension)}"
+        for _, line in groupby(event.actions, lambda action: action.span):
+            actions = [(self.words.reference(action.target), action.value) for action in line]
+            if event.sampling is None or len(actions) == 1:
+                yield from (
+                    f"  {target.text} = {self.words.bound(value, target.dimension)}" for target, value in actions
+                )
+                continue
+            names = [self._held(f"new_{target.text}", target.dimension) for target, _ in actions]
+            for name, (target, value) in zip(names, actions, strict=True):
+                yield f"  {name} = {self.words.bound(value, target.dimension)}"
+            yield from (f"  {target.text} = {name}" for name, (target, _) in zip(names, actions, strict=True))
         yield "}"
+
+    def _held(self, like: str, dimension: Dimension) -> str:
+        """Name of a further mode."""
+        name = self.names.free(like, set(), self.names.taken)
+        self.names.taken.add(name)
+        self.held.append(f"mode {name}{_unit_of(dimension)} = 0")
+        return name
 
     def _told(self, item: Node | Named | Requirement | Event, lines: Iterator[str]) -> list[str]:
         """Lines of one part; none if it cannot be written, which adds a diagnostic."""
@@ -158,7 +181,7 @@ class _Writer:
             value = self.words.bound(named.definition, dimension)
         else:
             raise InternalError(f"`{named.name}` has no value")
-        unit = "" if dimension == ONE else f": {unit_text(dimension)}"
+        unit = _unit_of(dimension)
         if unit and _NUMBER_WITH_UNIT.fullmatch(value):  # `k: N/m = 5`: a bare number is in that unit
             value = value.split()[0]
         return f"{role} {name}{unit}{f' = {value}' * bool(value)}{description_text(named.description)}{former_name(named.name, name)}"

@@ -106,7 +106,7 @@ def test_lists_of_one_and_matrices_are_set_as_wholes() -> None:
         ("when time > 1 s { x = [1, 2, 3] }", "BG111"),
         ("when time > 1 s { x = [1 m, 2] }", "BG103"),
         ("when time > 1 s { x = [1, 2]; x[2] = 1 }", "BG153"),
-        ("every 1 s { x = [1, 2] }", "BG111"),
+        ("every 1 s { x = [1, 2, 3] }", "BG111"),
         ("experiment e { start x = [1, 2, 3]; simulate 0 .. 1 s }", "BG111"),
         ("experiment e { start x = [1, time]; simulate 0 .. 1 s }", "BG103"),
         ("experiment e { start x = [1, 2]; start x[1] = 1; simulate 0 .. 1 s }", "BG150"),

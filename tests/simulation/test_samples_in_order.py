@@ -13,6 +13,7 @@ from bondgraph.errors import RunFailed
 from bondgraph.simulation.integration import event_integrator
 from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.segments.timeline import Segment
+from compiler.unparse.write import write_text
 from tests.compiling import compiled
 
 TARGETS = ["numpy", pytest.param("native", marks=pytest.mark.machine_code)]
@@ -284,3 +285,52 @@ def test_a_form_kept_between_samples_is_the_one_built_anew(
         anew = model.simulate(to=0.2, points=23, target="numpy", energy=bool(energy))
         assert [anew[name].tobytes() for name in "yw"] == [result[name].tobytes() for name in "yw"]
         assert anew.evaluations == result.evaluations
+
+
+LISTS = """model L {
+  constant A = [[0.5, 0.25], [-0.25, 0.5]], B = [1, 2]
+  mode z = (1, 0), w: m = (1 m, 2 m), y = 0, M = [[1, 2], [3, 4]], on = (true, false)
+  for i in 1..2 { C s[i] : F = 1 [N/m]*x { start x = i*1 m }; Sf hold[i] : v = 0 [m/s]; hold[i] -> s[i] }
+  every 1 s { LINES }
+  output a = z[1], b = z[2], p = w[1], q = w[2], y_1 = y, m = M[2, 1], n = M[1, 2], first = s[1].x, t = on[1]
+}
+"""
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize(
+    ("lines", "program"),
+    [
+        ("z = A*z + B", "z = A@z + B"),
+        ("z = A*z + B; y = z[1]; z = z + y*B", "z = A@z + B; y = z[0]; z = z + y*B"),
+        (
+            "y = y + 1; z = [z[2], z[1] + y]; w = [w[2], w[1]]",
+            "y += 1; z = np.array([z[1], z[0] + y]); w = w[::-1].copy()",
+        ),
+        ("M = transpose(M); z = M*z/4; M[1, 2] = z[1]", "M = M.T.copy(); z = M@z/4; M[0, 1] = z[0]"),
+        ("s.x = [s[2].x, s[1].x]; w = [2*w[1], w[1]]", "x = x[::-1].copy(); w = np.array([2*w[0], w[0]])"),
+        ("on = [on[2], on[1]]; y = y + 1 if on[1] > 0 else y", "on = on[::-1]; y += on[0]"),
+    ],
+)
+def test_a_line_sets_the_items_of_a_list_together(lines: str, program: str, target: str) -> None:
+    text = LISTS.replace("LINES", lines)
+    found = bondgraph.load(text).simulate(to=3.5, points=8, target=target)
+    here = {"np": np, "A": np.array([[0.5, 0.25], [-0.25, 0.5]]), "B": np.array([1.0, 2.0]), "z": np.array([1.0, 0.0])}
+    here |= {
+        "w": np.array([1.0, 2.0]),
+        "y": 0,
+        "M": np.array([[1.0, 2.0], [3.0, 4.0]]),
+        "on": [True, False],
+        "x": np.array([1.0, 2.0]),
+    }
+    for k in range(4):
+        exec(program, here)
+        z, w, M = here["z"], here["w"], here["M"]
+        expected = [z[0], z[1], w[0], w[1], here["y"], M[1, 0], M[0, 1], here["x"][0], float(here["on"][0])]
+        assert [found[name][2 * k + 1] for name in found.names] == pytest.approx(expected, rel=1e-15)
+
+
+def test_the_flat_text_sets_the_items_of_a_list_together() -> None:
+    text = LISTS.replace("LINES", "z = A*z + B; s.x = [s[2].x, s[1].x]; y = z[1] + w[1]/1 m; w = [w[2], w[1] + w[2]]")
+    first, second = (bondgraph.load(t).simulate(to=3.5, points=8) for t in (text, write_text(compiled(text).graph)))
+    assert all(np.array_equal(first[name], second[name]) for name in first.names)

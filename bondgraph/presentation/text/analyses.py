@@ -31,6 +31,7 @@ LONGEST = 60  # most rows
 PEAKS = 5  # most peaks of a response
 SHOWN = 12  # most points of a branch
 STRONGEST = 8  # most parameters of a quantity
+ROUNDING = 1e-12  # percent per percent that is none
 SHARES = 3  # most elements of a mode
 INSTANTS = 11  # of a path
 
@@ -237,7 +238,7 @@ def sensitivity_text(found: Sensitivity) -> str:
     for i, name in enumerate(found.quantities):
         order = sorted(range(len(found.parameters)), key=lambda j: -abs(relative[i, j] or found.slopes[i, j]))
         head = (short(name, 30), f"{found.values[i]:.6g} {shown_unit(found.units[name])}".rstrip())
-        for j in [j for j in order if found.slopes[i, j] != 0][:STRONGEST]:
+        for j in [j for j in order if found.slopes[i, j] != 0 and not 0 < abs(relative[i, j]) < ROUNDING][:STRONGEST]:
             share = f"{found.relative[i, j]:.4g}" if np.isfinite(found.relative[i, j]) else ""
             rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))
             head = ("", "")

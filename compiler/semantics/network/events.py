@@ -9,8 +9,7 @@ from ...algebra.formula import Bound, Formula
 from ...graph.domains import DOMAINS
 from ...graph.network import Action, Element, Event, Node, Quantity, Reading, Sampling
 from ...syntax import tree
-from ..expressions.lists import place
-from ..names.errors import LateStorage, WrongEvent, WrongExperiment, WrongType
+from ..names.errors import LateStorage, WrongEvent, WrongExperiment
 from ..names.scope import Items, Scalar, Scope
 from ..names.statement_errors import Wrong
 from ..resolution.conditions import known_or_later, rising
@@ -81,7 +80,7 @@ def _read(elaborator: Elaborator, scope: Scope, event: tree.EventSyntax, element
         _, condition = read_condition(elaborator, event.condition, scope, hint)
     actions: list[Action] = []
     for reset in event.resets:
-        for action in elaborator.guard(_actions, elaborator, scope, reset, elements, event.sampled) or ():
+        for action in elaborator.guard(_actions, elaborator, scope, reset, elements) or ():
             if not event.sampled and any(action.target == a.target for a in actions):
                 hint = "Leave one of the two out, or choose with `a if c else b`."
                 elaborator.tell(WrongEvent(reset.span, f"`{action.words}` is set twice at one instant", hint))
@@ -104,15 +103,10 @@ def _is_mode(elaborator: Elaborator, target: Quantity | Reading) -> bool:
     return isinstance(target, Quantity) and elaborator.quantities[target.name].role == "mode"
 
 
-def _actions(
-    elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: dict[str, Element], sampled: bool
-) -> list[Action]:
-    """The assignment of an event; that of a list is one for each item. In an `every` these would read one another."""
+def _actions(elaborator: Elaborator, scope: Scope, reset: tree.Reset, elements: dict[str, Element]) -> list[Action]:
+    """The assignment of an event; that of a list is one for each item, all of one span."""
     words = reset.target.words
     found = elaborator.lookup(reset.target, scope)
-    if isinstance(found, Items) and sampled:
-        hint = f"Set its items: `{words}{place(0, found.columns)} = …`."
-        raise Wrong(WrongType(reset.target.span, "One quantity", "a list", hint))
     items = found.items if isinstance(found, Items) else (found,)
     targets = [_target(elaborator, reset, item, elements) for item in items]
     values = read_values(elaborator, reset.value, scope, found, f"`{words}`")

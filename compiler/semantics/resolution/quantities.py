@@ -345,9 +345,8 @@ class QuantityResolver(MemoryResolver):
         if isinstance(typed, tuple) and not isinstance(default, tuple):
             hint = "Its default is a single number; give it one, or an item of the list."
             raise Wrong(WrongType(value.span, f"A single number for `{item.name}`", sort_of(typed), hint))
-        if isinstance(typed, tuple) and pending.role in ("input", "mode"):
-            hints = {"input": "An input is one signal.", "mode": "Declare a mode for each: `mode on[i] = false`."}
-            raise Wrong(WrongType(value.span, "A single number", sort_of(typed), hints[pending.role]))
+        if isinstance(typed, tuple) and pending.role == "input":
+            raise Wrong(WrongType(value.span, "A single number", sort_of(typed), "An input is one signal."))
         own = None if item.unit is None else declared
         role = "parameter" if pending.role == "solve" else pending.role
         units = _units(default, role, own, pending.owner.plain)
