@@ -106,7 +106,14 @@ if TYPE_CHECKING:
     from .semantics.names.part_kinds import attributes_of, kinds_of
     from .semantics.names.scope import RESERVED, ElementEntry, FileScope, PartEntry
     from .semantics.names.project_folder import project_folder
-    from .semantics.names.unit_file import HELD, UnitDescription, UnitVariable, open_unit, read_unit_description
+    from .semantics.names.unit_file import (
+        HELD,
+        NewNames,
+        UnitDescription,
+        UnitVariable,
+        open_unit,
+        read_unit_description,
+    )
     from .solvers import AUTOMATIC, SOLVERS, Solver
     from .source import SYSTEM, UNIT, Source, Span, read_text
     from .source_file import read_source

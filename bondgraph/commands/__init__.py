@@ -25,6 +25,7 @@ GROUPS = {
         "new": "first.bg",
         "check": "models/oscillator.bg models/rlc.bg",
         "fmt": "models/oscillator.bg",
+        "import": "motor.mo -o motor.bg",
         "draw": "models/manipulator.bg -o manipulator.svg",
         "report": "models/oscillator.bg -o oscillator.html",
         "serve": "models",
@@ -68,7 +69,7 @@ EXAMPLES = {name: example for commands in GROUPS.values() for name, example in c
 COMMANDS = tuple(sorted(EXAMPLES))
 # Modules with several commands; each other command has a module of its name.
 SHARED = {
-    "texts": ("fmt", "new"),
+    "texts": ("fmt", "import", "new"),
     "pictures": ("draw", "plot", "report"),
     "editors": ("editor", "lsp"),
     "stages": ("causality", "certificate", "compile", "equations", "explain", "show"),

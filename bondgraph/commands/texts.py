@@ -1,4 +1,4 @@
-"""Commands that write texts of models: a first one, and formatted ones."""
+"""Commands that write texts of models: a first one, one of another language, and formatted ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from .error_reporting import WRONG, harmless
-from .options import check_target, file_or_text
+from .options import STREAM, check_target, file_or_text, written
 
 
 @click.command("new")
@@ -50,3 +50,20 @@ def fmt(files: Sequence[str], only_check: bool) -> None:
         click.echo(f"{'would change' if only_check else 'formatted'} {harmless(file)}")
     if only_check and changed:
         raise click.exceptions.Exit(WRONG)
+
+
+@click.command("import")
+@click.argument("file", metavar="MODEL.mo")
+@click.option("-o", "--out", required=True, metavar="MODEL.bg|-", help="The file to write; `-` is the standard output.")
+def import_(file: str, out: str) -> None:
+    """Write a model of flat Modelica in this language; what has no equal here is refused by line."""
+    from compiler.api import read_source
+
+    from ..exchange.modelica import import_modelica
+    from ..files import write_text
+
+    if out != STREAM:
+        check_target(out, (".bg",), "--out")
+    text = import_modelica(read_source(file))
+    with written(out, ".bg") as path:
+        write_text(path, text)

@@ -44,6 +44,7 @@ CALLS = {
     "explain": ("m.bg", "i"),
     "fit": ("m.bg", "--data", "missing.csv"),
     "fmt": ("--check", "m.bg"),
+    "import": ("missing.mo", "-o", "out.bg"),
     "invert": ("m.bg", "--want", "u=2 V", "--by", "U"),
     "library": ("diode", "pins"),
     "linearize": ("m.bg",),

@@ -1,0 +1,35 @@
+"""Import of flat Modelica: a text of the language that means the same."""
+
+from __future__ import annotations
+
+from compiler.api import Source, format_text
+
+from .events import find_events
+from .normal_form import normal_form
+from .parse import FlatModel, parse
+from .start import StartEvaluator, find_starts
+from .system import sort_equations
+from .write import SortedModel, write_model
+
+
+def import_modelica(source: Source) -> str:
+    """Return the model of a flat Modelica text in the language. Raises `CompilationFailed` with all that is not in the subset."""
+    model = parse(source)
+    try:
+        text = _translated(model)
+    except RecursionError:  # of terms into which others were put
+        model.refuse(
+            (0, 0), "expressions are nested too deep, with what they read in the place of names", "Name their parts."
+        )
+    model.stop()
+    return format_text(Source(source.name, text))
+
+
+def _translated(model: FlatModel) -> str:
+    form = normal_form(model)
+    system = sort_equations(model, form)
+    starts = find_starts(model, form, system)
+    values = StartEvaluator(form, system, starts, model.experiment.get("StartTime", 0.0))
+    events = find_events(model, form, system, values)
+    model.stop()
+    return write_model(SortedModel(model, form, system, starts, events))

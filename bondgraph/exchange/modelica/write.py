@@ -1,0 +1,183 @@
+"""A model of the language from sorted equations: its statements, with units where the file has some."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from compiler.api import NewNames, number_text, printable
+
+from .events import EventClause, EventClauses
+from .expressions import ExpressionWriter
+from .functions import WRITTEN
+from .normal_form import NormalForm, Pair
+from .parse import FlatModel, text_of
+from .start import Starts
+from .system import SortedSystem
+from .tree import FALSE, ZERO, ComponentDeclaration, Term, named, names_in
+from .units import ONE, Dimensions, declared_dimension
+
+
+@dataclass(frozen=True, slots=True)
+class SortedModel:
+    """All of a model that is written."""
+
+    model: FlatModel
+    form: NormalForm
+    system: SortedSystem
+    starts: Starts
+    events: EventClauses
+
+
+def write_model(sorted_model: SortedModel) -> str:
+    """Return the text. Values that are not known before a run are refused."""
+    return _ModelWriter(sorted_model).text()
+
+
+class _ModelWriter:
+    def __init__(self, sorted_model: SortedModel) -> None:
+        self.sorted = m = sorted_model
+        self.model, self.declared = m.model, m.model.declared
+        events, system = m.events.events, m.system
+        # All that is written with expressions: what is named, and by what it is.
+        self.equations = [(named(n), t) for terms in (m.form.values, m.starts.terms, system.definitions) for n, t in terms.items()]  # fmt: skip
+        self.equations += [pair[:2] for _, pairs in system.rings for pair in pairs]
+        self.equations += [(named(n), t) for event in events for n, t in event.settings.items()]
+        self.equations += [(e.condition, e.condition) for e in events if isinstance(e.condition, Term)]
+        self.equations += [(condition, condition) for condition, _ in m.form.requirements]
+        self.outputs = self._outputs()
+        self.dimensions = self._dimensions()
+        self.names, self.hidden = self._names()
+        self.expressions = ExpressionWriter(self.names, self.dimensions)
+
+    def _dimensions(self) -> Dimensions:
+        m, units = self.sorted, {n: declared_dimension(item) for n, item in self.declared.items()}
+        dimensions = Dimensions(all(d in (None, ONE) for d in units.values()))
+        for name, dimension in units.items():
+            if dimension is not None:
+                dimensions.set(name, dimension)
+        open_states = [name for name in m.form.states if units[name] is None]
+        for name in ["time", *open_states] if not dimensions.is_plain else ():
+            if name == "time" or name not in dimensions.of:
+                dimensions.set(name, ONE)
+                dimensions.infer(self.equations)
+        for name in [*self.declared, *m.events.latches]:
+            dimensions.set(name, ONE)
+        return dimensions
+
+    def _outputs(self) -> set[str]:
+        """Return what a run reports: the outputs of the file, else its states, else all that is computed."""
+        changing = {n: d for n, d in self.declared.items() if not d.is_given and n not in self.sorted.form.samples}
+        public = {n for n, d in changing.items() if "protected" not in d.prefixes}
+        outputs = {n for n, d in changing.items() if "output" in d.prefixes}
+        return outputs or self.sorted.form.states.keys() & public or public
+
+    def _names(self) -> tuple[dict[str, str], dict[str, str]]:
+        """Return the word for each name, and that of the output for those that are modes or solved."""
+        new, m = NewNames({"time", *(word for word, _ in WRITTEN.values())}), self.sorted
+        words = {name: new.new(name) for name in self.declared} | {"time": "time"}
+        hidden = {n: words[n] for n in words if n in self.outputs and (n in m.form.modes or n in m.system.solved)}
+        words |= {n: new.new(f"{n}_{'now' if n in m.form.modes else 'solved'}") for n in hidden}
+        words |= {f"der({n})": new.new(f"der_{words[n]}") for n in m.form.states}
+        words |= {n: new.new(n) for n in m.events.latches}
+        self.experiment = new.new("run")
+        return words, hidden
+
+    def _head(self, name: str, word: str = "", *, with_unit: bool = True) -> str:
+        dimension = self.dimensions.of[name]
+        is_bare = self.dimensions.is_plain or dimension == ONE or not with_unit
+        return f"{word}{' ' * bool(word)}{self.names[name]}{'' if is_bare else f': {dimension}'}"
+
+    def _described(self, name: str) -> str:
+        item = self.declared[name]
+        unit = text_of(item.attributes.get("unit", Term("text", '""')).word)
+        words = [item.text, f"in {unit}" if self.dimensions.of[name] == ONE and unit not in ("", "1", "rad") else ""]
+        return f' "{", ".join(filter(None, words))}"' if any(words) else ""
+
+    def _term(self, term: Term, name: str) -> str:
+        return self.expressions.quantity(term, self.dimensions.of[name])
+
+    def _before_the_run(self, term: Term, item: ComponentDeclaration) -> Term:
+        """Return a value that is known before the run; refuse one that reads what changes."""
+        for name in sorted(n for n in names_in(term) if n not in self.declared or not self.declared[n].is_fixed)[:1]:
+            what = f"`{printable(item.name)}` needs `{printable(name)}`, which changes, before the run"
+            self.model.refuse(item.place, what, "Give it a value of parameters and numbers.")
+        return term
+
+    def text(self) -> str:
+        """Return the whole model."""
+        head = f"{'plain ' if self.dimensions.is_plain else ''}model {NewNames(()).new(self.model.name)} {{"
+        about = [f'"{self.model.text}"'] if self.model.text else []
+        return "\n".join([head, *(f"  {line}" for line in [*about, *self._statements()]), "}", ""])
+
+    def _statements(self) -> Iterator[str]:
+        m = self.sorted
+        yield from (self._given(item) for item in self.declared.values() if item.is_given)
+        yield from (f"{self._head(name, 'mode')} = {self._start(name)}" for name in m.form.modes)
+        yield from (f"mode {self.names[name]} = false" for name in m.events.latches)
+        yield from self._computed()
+        yield from (self._ring(names, pairs) for names, pairs in m.system.rings)
+        yield from (f"output {word} = {self.names[n]}{self._described(n)}" for n, word in self.hidden.items())
+        for event in m.events.events:
+            yield from self._event(event)
+        for condition, words in m.form.requirements:
+            yield f'require {self.expressions.text(condition)} "{text_of(words)}"'
+        yield from self._experiment()
+
+    def _given(self, item: ComponentDeclaration) -> str:
+        term = self.sorted.form.values.get(item.name, self.sorted.form.starts.get(item.name))
+        word = "input" if "input" in item.prefixes else "constant" if item.prefixes & {"constant", "final"} else "parameter"  # fmt: skip
+        if word == "input":
+            term = term or (FALSE if item.kind == "Boolean" else ZERO)
+        if term is None:
+            return f"{self._head(item.name, 'parameter')}{self._described(item.name)}"
+        is_number = self._before_the_run(term, item).kind == "number"  # in the unit of its name
+        value = self.expressions.text(term, ONE) if is_number else self._term(term, item.name)
+        return f"{self._head(item.name, word)} = {value}{self._described(item.name)}"
+
+    def _start(self, name: str) -> str:
+        return self._term(self._before_the_run(self.sorted.starts.terms[name], self.declared[name]), name)
+
+    def _computed(self) -> Iterator[str]:
+        """Yield states and definitions; a derivative that only its state reads stands in the integral."""
+        form, definitions = self.sorted.form, self.sorted.system.definitions
+        read = names_in(*(t for pair in self.equations for t in pair if t.kind != "name" or t.word not in definitions))
+        words = {n: "output" if n in self.outputs and n not in self.hidden else "signal" for n in self.declared}
+        for name in form.states:
+            rate = f"der({name})"
+            text = self._term(definitions[rate], rate) if rate in definitions and rate not in read else self.names[rate]
+            yield f"{words[name]} {self.names[name]} = integral({text}, {self._start(name)}){self._described(name)}"
+        for name, term in definitions.items():
+            if name in self.declared:
+                yield f"{words[name]} {self.names[name]} = {self._term(term, name)}{self._described(name)}"
+            elif name in read:
+                yield f"signal {self.names[name]} = {self._term(term, name)}"
+
+    def _ring(self, names: list[str], pairs: list[Pair]) -> str:
+        equations, unknowns = [], []
+        for left, right, _ in pairs:
+            dimension = self.dimensions.dimension(left) or self.dimensions.dimension(right) or ONE
+            equations.append(" = ".join(self.expressions.text(side, dimension) for side in (left, right)))
+        for name in names:
+            guess = self.sorted.form.starts.get(name)
+            value = "" if guess is None else f" = {self._term(self._before_the_run(guess, self.declared[name]), name)}"
+            unknowns.append(self._head(name, with_unit=guess is None) + value)
+        return f"solve {', '.join(equations)} for {', '.join(unknowns)}"
+
+    def _event(self, event: EventClause) -> Iterator[str]:
+        if isinstance(event.condition, Term):
+            yield f"when {self.expressions.text(event.condition)} {{"
+        else:
+            period, offset = (self.expressions.text(t, self.dimensions.of["time"]) for t in event.condition)
+            yield f"every {period}{'' if offset == '0' else f' offset {offset}'} {{"
+        yield from (f"  {self.names[name]} = {self._term(term, name)}" for name, term in event.settings.items())
+        yield "}"
+
+    def _experiment(self) -> Iterator[str]:
+        facts, seconds = self.model.experiment, "" if self.dimensions.is_plain else " s"
+        if "StopTime" in facts or self.sorted.starts.is_rest:
+            begin, end = (number_text(facts.get(n, d)) for n, d in (("StartTime", 0.0), ("StopTime", 1.0)))
+            options = f" {{ rtol = {facts['Tolerance']:g} }}" if 1e-13 <= facts.get("Tolerance", 0) <= 1e-2 else ""
+            rest = "equilibrium; " if self.sorted.starts.is_rest else ""
+            begin += seconds * (begin != "0")
+            yield f"experiment {self.experiment} {{ {rest}simulate {begin} .. {end}{seconds}{options} }}"
