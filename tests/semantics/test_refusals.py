@@ -133,17 +133,6 @@ def test_a_point_is_rotated() -> None:
             [("BG112", "list[3]", "`list` has no item 3", "Its items are 1 to 2.")],
         ),
         (
-            "model M { signal x = 2 m*sin(time/1 s); signal y = delay(x > 1 m, 1 s); output z = y }",
-            [
-                (
-                    "BG111",
-                    "x > 1 m",
-                    "A single number is expected here, this is something else",
-                    "Write what is expected instead.",
-                )
-            ],
-        ),
-        (
             "model M { signal x = 2 m*sin(time/1 s); signal y: m = delay(x, 0 s); output z = y }",
             [("BG111", "0 s", "A time is expected here, this is 0 s", "A delay is longer than nothing.")],
         ),

@@ -138,3 +138,25 @@ def test_machine_code_that_was_asked_for_by_name_and_is_not_there_is_missed_alou
     assert not bondgraph.load(text).simulate(to=1.0).notes
     plain = bondgraph.load(text.replace("delay(x, 1)", "x")).simulate(to=1.0, target="native")
     assert not plain.notes and plain.final("y") == pytest.approx(math.exp(-1), rel=1e-5)
+
+
+def test_a_condition_is_delayed_as_one() -> None:
+    """A charge falls below 1/2 at ln 2; then it is filled by a source that is on from 0.2 s later, until the mode that an event sets 0.1 s after that."""
+    text = """plain model Truth {
+      mode done = false
+      C c : q = e { start e = 1 }
+      R r : e = f
+      MSf s : f = 1 if delay(low, 0.2) and not done else 0
+      0 n
+      n -> c, r
+      s -> n
+      signal low = c.e < 0.5
+      when delay(delay(c.e < 0.5, 0.1), 0.2) { done = true }
+      output a = c.e, b = delay(low, 0.2)
+    }"""
+    found = bondgraph.load(text).simulate(to=2, points=41, rtol=1e-8)
+    on, off, t = math.log(2) + 0.2, math.log(2) + 0.3, found.time
+    first, last = math.exp(-on), 1 - (1 - math.exp(-on)) * math.exp(on - off)
+    filled = np.where(t < off, 1 - (1 - first) * np.exp(on - t), last * np.exp(off - t))
+    np.testing.assert_allclose(found["a"], np.where(t < on, np.exp(-t), filled), atol=1e-7)
+    np.testing.assert_array_equal(found["b"], t > on)

@@ -205,3 +205,19 @@ def test_the_choice_knows_no_unit_of_time(turns: float, solver: str, rate: float
     text = f"plain model Decay {{\n  signal x = integral(-{rate}*(x + 0.1*x^3), 1)\n  output y = x\n}}\n"
     found = bondgraph.load(text).simulate(to=turns / rate, points=3)
     assert found.solver.startswith(solver), found.solver
+
+
+def test_a_law_that_no_explicit_method_passes_says_what_does() -> None:
+    """An orifice beside a stiff volume: at zero its slope is infinite."""
+    text = """plain model Orifice {
+      C t : q = 1e-6*e
+      Sf s : f = 0.02*(0.1 - time)
+      R o : f = 0.01*sign(e)*sqrt(abs(e))
+      s -> 0(t, o)
+      output f = o.f
+    }"""
+    model = bondgraph.load(text)
+    with pytest.raises(bondgraph.RunFailed, match=r"explicit.*name `radau`"):
+        model.simulate(to=0.15, solver="explicit")
+    found = model.simulate(to=0.15, points=16, solver="radau")
+    np.testing.assert_allclose(found["f"][1:], 0.02 * (0.1 - found.time[1:]), atol=1e-6)

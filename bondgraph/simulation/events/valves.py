@@ -35,10 +35,8 @@ class ValveSwitching:
     def begin(self, indicators: EventIndicators, time: float) -> None:
         """Store which valves conduct before a run begins, as written: a gate does not stop these."""
         written = indicators.hybrid.start(indicators.constants)[self.modes] == self.conducts
-        self.companion.before, self.companion.shut = (
-            (time, written & [not v.fitted for v in self.companion.valves]),
-            None,
-        )
+        self.companion.before = time, written & [not v.fitted for v in self.companion.valves]
+        self.companion.shut = None
 
     def after(
         self, indicators: EventIndicators, at: HybridState, before: HybridState, holds: BoolArray

@@ -59,6 +59,8 @@ def failure(context: SegmentContext, solver: LastStep, what: str, mode: Array, e
         start, stop = solver.last_step
         found = limiting_mode(context, float(stop), state, mode, float(stop - start), np.array(solver.error))
     limit = "" if found is None else f". The steps follow {found}: {advice(found, explicit)}"
+    if explicit and what == "error":
+        limit = ". No explicit method passes a law that is steep beside its storage, as a root at zero: name `radau`, or leave the solver to choose"
     error = _cause(context, solver, what, (state, slope), f"{most} steps", limit).at(solver.time, state, mode)
     if what in ("newton", "error") or (what == "round-off" and len(program.unknowns.names)):
         error.ahead = ahead(program, tolerances, context.whole, solver.time, state, slope)
@@ -101,5 +103,5 @@ def _cause(context: SegmentContext, solver: LastStep, what: str, here: tuple[Any
         )  # fmt: skip
     return StepsCollapsed(
         "BR786", f"{begin}: its step fell below round-off; {value} changes fastest.",
-        "Likely causes: a jump in a law, a solution that grows without bound, or a tolerance below what doubles can hold",
+        f"Likely causes: a jump in a law, a solution that grows without bound, or a tolerance below what doubles can hold{limit}",
     )  # fmt: skip

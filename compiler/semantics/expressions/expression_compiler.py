@@ -468,7 +468,7 @@ class ExpressionCompiler:
         if found.is_list:
             return self._slots_of(node, found, None)
         symbol = Symbol(self._slot(node, None))
-        if relay:
+        if found.truth:
             return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
         return Typed(symbol, found.dimensions[0])
 

@@ -63,7 +63,7 @@ class MemoryResolver(Resolver):
         """Integral, delay, rate or relay of which only the dimension counts."""
         name = call.function
         if name == "hysteresis":
-            return Scalar(Quantity(name), ONE, "mode", name)
+            return Scalar(Quantity(name), ONE, "mode", name, truth=True)
         value = self._guessed(call.arguments[name == "integral"], scope)
         if name == "der" or isinstance(value, tuple):
             units = (self._per_second(p.dimension) if name == "der" else p.dimension for p in parts_of(value))
@@ -72,7 +72,7 @@ class MemoryResolver(Resolver):
         dimension = self._dimension(value)
         if dimension is None and name == "integral" and not scope.plain:
             dimension = self._inferred(call.arguments[0], scope)
-        return Scalar(Quantity(name), dimension, "signal", name)
+        return Scalar(Quantity(name), dimension, "signal", name, truth=name == "delay" and value.truth)
 
     def _free_name(self, call: tree.Call, scope: Scope, place: str = "") -> str:
         """Name of a nested signal, or of the one at a place in a list; those in its arguments have theirs already."""
@@ -132,7 +132,7 @@ class MemoryResolver(Resolver):
         name = self._free_name(call, scope)
         self.quantities[name] = Named(name, "signal", str(dimension or ONE), None, None, call.span, "")
         self._delays.append((name, call, scope, dimension, None))
-        return Scalar(Quantity(name), dimension, "signal", name)
+        return Scalar(Quantity(name), dimension, "signal", name, truth=value.truth)
 
     def _rate(self, call: tree.Call, scope: Scope) -> Scalar | Items:
         """Enter the derivative of an expression, or of each number of a list, by time. It is read at once: it cannot depend on itself."""
@@ -162,7 +162,7 @@ class MemoryResolver(Resolver):
         name = self._free_name(call, scope)
         self.quantities[name] = Named(name, "mode", "1", bound, None, call.span, "")
         self.relays.append((name, call, scope))
-        return Scalar(Quantity(name), ONE, "mode", name)
+        return Scalar(Quantity(name), ONE, "mode", name, truth=True)
 
     @staticmethod
     def _per_second(dimension: Dimension | None) -> Dimension | None:
@@ -232,7 +232,7 @@ class MemoryResolver(Resolver):
     ) -> Delay:
         value, lag = (self.template(part, scope) for part in call.arguments)
         typed = value.value if number is None else parts_of(value.value)[number]
-        if not isinstance(typed, Typed) or typed.truth:
+        if not isinstance(typed, Typed):
             raise Wrong(WrongType(call.arguments[0].span, "A single number", "something else"))
         if not scope.plain and typed.dimension not in (None, dimension or ONE):
             what = f"What is delayed is {describe(typed.dimension)}, but where it is read it is {describe(dimension or ONE)}"
@@ -240,12 +240,11 @@ class MemoryResolver(Resolver):
         late = self.static(call.arguments[1], scope, "A delay", ONE if scope.plain else SECOND)
         if not late > 0:
             raise Wrong(WrongType(call.arguments[1].span, "A time", f"{late:g} s", "A delay is longer than nothing."))
-        return Delay(
-            name,
-            self.bind(value, value.formulas[number or 0], scope),
-            self.bind(lag, lag.formulas[0], scope),
-            call.span,
-        )
+        if typed.truth:
+            _, past = read_condition(self, call.arguments[0], scope, "")
+        else:
+            past = self.bind(value, value.formulas[number or 0], scope)
+        return Delay(name, past, self.bind(lag, lag.formulas[0], scope), call.span)
 
     def _read_integral(
         self, name: str, call: tree.Call, scope: Scope, dimension: Dimension | None, number: int | None
