@@ -174,7 +174,7 @@ class OperatingPoint:
     def values_of(self, names: Sequence[str]) -> Any:
         """Return values of quantities by name, (len(names),); quantities that nothing reads have the value that the author gave them."""
         space, whole = self.compilation.state_space, self.compilation.whole_graph.quantities
-        found = {n: space.quantities[n] for n in names if n in space.quantities}
+        found = {n: space.quantities[n] for n in names if space.quantities.get(n) in self.lowered.values}
         values = dict(
             zip(found, Tape([self.lowered.values[v] for v in found.values()]).values(self.lookup), strict=True)
         )

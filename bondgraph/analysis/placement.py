@@ -84,6 +84,7 @@ def _point(model: CompiledModel, asked: AnalysisRequest, target: str, moved: Map
 
     settings = asked.settings or {}
     settled = settle(model, asked.experiment, settings, asked.outputs, True, target)
+    zeros = settled.scene.fixed
     if settled.values or moved:
         scene = replace(settled.scene, free=frozenset(asked.by), by=asked.by, upstream=asked.upstream)
         try:
@@ -91,8 +92,9 @@ def _point(model: CompiledModel, asked: AnalysisRequest, target: str, moved: Map
         except RunFailed:
             if moved or all(settled.values.values()):
                 raise  # otherwise a zero may change the equations of the model: it is compiled in
+            zeros = frozenset(name for name, value in settled.values.items() if value == 0)
     scene = model.scene(asked.experiment, settings, asked.by, asked.outputs)
-    scene = replace(scene, by=asked.by, upstream=asked.upstream)
+    scene = replace(scene, by=asked.by, upstream=asked.upstream, fixed=zeros - {*asked.by})
     return placed(prepare, scene, asked)
 
 

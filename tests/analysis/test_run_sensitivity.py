@@ -150,3 +150,8 @@ def test_the_command(tmp_path: Path) -> None:
     assert told["outputs"]["u"]["slopes"]["u0"] == pytest.approx([1, np.exp(-0.5), np.exp(-1)], rel=1e-6)
     assert CliRunner().invoke(commands, arguments).exit_code == 0
     assert "stands alone" in CliRunner().invoke(commands, [*arguments, "--of", "modes"]).output
+
+
+def test_a_parameter_of_a_block_that_no_output_needs() -> None:
+    text = "model A {\n parameter T = 0.1 s\n mode count = 0\n every T { count = count + 1 }\n output x = integral(2*time/1 s, 0 s), n = count\n experiment go { simulate 0 .. 1 s; report x }\n}"
+    assert not bondgraph.load(text).sensitivity_of_run(("T",), outputs=("x",)).slopes.any()
