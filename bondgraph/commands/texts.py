@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from .error_reporting import WRONG, harmless
-from .options import STREAM, check_target, file_or_text, written
+from .options import STREAM, check_target, file_or_text
 
 
 @click.command("new")
@@ -65,5 +65,7 @@ def import_(file: str, out: str) -> None:
     if out != STREAM:
         check_target(out, (".bg",), "--out")
     text = import_modelica(read_source(file))
-    with written(out, ".bg") as path:
-        write_text(path, text)
+    if out == STREAM:
+        click.echo(text, nl=False)
+    else:
+        write_text(out, text)
