@@ -20,7 +20,7 @@ from compiler.api import Array, IntArray, Leaf, Tape
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..results.json_values import named
-from .reduced import Reduced, tied_coordinates
+from .reduced import Reduced, followed_unknowns, tied_coordinates
 from .singular_slopes import CLOSEST, SIGNS, Beside, Slopes, departure, jumps, slopes_from_beside  # fmt: skip
 from .sizes import sizes
 from .thresholds import Thresholds, acting, thresholds
@@ -211,7 +211,7 @@ class OperatingPoint:
         """Return the same point if all requirements of the model hold. Raises `RunFailed`."""
         left = self.left
         if left:
-            raise RunFailed("BR214", f"no analysis is made where the model does not hold: {left[0].words_at_rest}")
+            raise refused_limit(left[0])
         return self
 
     # ------------------------------------------------------------ slopes
@@ -454,15 +454,19 @@ class OperatingPoint:
         return reduced.through(slopes)
 
 
+def refused_limit(left: LimitLeft) -> RunFailed:
+    """Return the error of an analysis where a requirement of the model is violated."""
+    return RunFailed("BR214", f"no analysis is made where the model does not hold: {left.words_at_rest}")
+
+
 def reduction(point: OperatingPoint) -> Reduced:
     """Return the reduction with unknowns and tied coordinates eliminated. Raises `RunFailed`."""
     point.refuse_thresholds()
     n, size, k = point.count, point.all, len(point.by)
     follow = np.zeros((0, n + k))
     if size > n:
-        whole = point.residual_slopes()
         try:
-            follow = -np.linalg.solve(whole[:, n:size], np.concatenate([whole[:, :n], whole[:, size:]], axis=1))
+            follow = followed_unknowns(point.residual_slopes(), n)
         except np.linalg.LinAlgError as problem:
             names = ", ".join(f"`{u}`" for u in point.program.unknowns.names[:6])
             raise RunFailed(

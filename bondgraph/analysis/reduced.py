@@ -38,10 +38,7 @@ class Reduced:
 
     def by_states(self, slopes: Array) -> tuple[Any, Any]:
         """Convert columns for states, unknowns and `by` to columns for all states, taken as independent, and for `by`."""
-        n, (m, width) = len(self.directions), self.unknowns.shape
-        whole = np.concatenate([slopes[:, :n], slopes[:, n + m :]], axis=1)
-        whole = whole + slopes[:, n : n + m] @ self.unknowns if m else whole
-        return whole[:, :n], whole[:, n:width]
+        return by_states(slopes, self.unknowns, len(self.directions))
 
     def through(self, slopes: Array) -> tuple[Any, Any]:
         """Convert columns for states, unknowns and `by` to columns for free coordinates, and for `by`."""
@@ -53,6 +50,28 @@ class Reduced:
     def held(self, moved: Array) -> Any:
         """Return derivatives of the states (n, k) by `by`, with tied coordinates determined by the free ones."""
         return self.directions @ moved[self.chosen] + self.following if self.tied else moved
+
+
+def followed_unknowns(residuals: Array, n: int) -> Any:
+    """Return the derivatives of unknowns (…, m, n + k) from those of their residuals (…, m, n + m + k). Raises `LinAlgError`."""
+    last = n + residuals.shape[-2]
+    return -np.linalg.solve(
+        residuals[..., n:last], np.concatenate([residuals[..., :n], residuals[..., last:]], axis=-1)
+    )
+
+
+def by_states(slopes: Array, unknowns: Array, n: int) -> tuple[Any, Any]:
+    """Convert columns (…, n + m + k) for states, unknowns and `by` to columns for states and for `by`, with unknowns that follow."""
+    last = n + unknowns.shape[-2]
+    whole = np.concatenate([slopes[..., :n], slopes[..., last:]], axis=-1)
+    whole = whole + slopes[..., n:last] @ unknowns if last > n else whole
+    return whole[..., :n], whole[..., n:]
+
+
+def tied_step(slopes: Array, residuals: Array) -> Any:
+    """Return the smallest x with slopes @ x = residuals (…, rows, k), where rows may follow from others."""
+    rows = nonzero(np.abs(slopes).max(axis=-1, keepdims=True))
+    return np.linalg.pinv(slopes / rows, rcond=RANK) @ (residuals / rows)
 
 
 def tied_coordinates(slopes: Array, moved: Array, sizes: Array) -> tuple[Any, Any, Any]:

@@ -1,36 +1,51 @@
-"""Sensitivity of a run to parameters: the derivatives of its outputs at every instant, integrated together with the states.
+"""Sensitivity of a run to parameters: the derivatives of its outputs at every instant, along the states of the run.
 
 With S = dx/dp the derivatives of the states follow S' = f_x S + f_p (forward sensitivities; Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005),
-with the exact derivatives of the compiled equations; unknowns of loops are eliminated. States and S are one system for Radau IIA of order 5
-(`scipy.integrate`), whose Newton matrix has f_x on its diagonal blocks: the missing coupling costs iterations and no accuracy. Where the instant
-of a jump of the right-hand side depends on a parameter, S jumps by (f before - f after) times the derivative of the instant.
+with the exact derivatives of the compiled equations; unknowns of loops are eliminated. Along the states of a run, at a tighter tolerance, this is
+linear: collocation turns parts of the run into affine maps of S, all at once. A part is halved where its map differs from that of its two halves.
+Where the instant of a jump of the right-hand side depends on a parameter, S jumps by (f before - f after) times the derivative of the instant.
 Loop joints tie states: with their multipliers eliminated f is defined for all states and preserves the constraints, and so S preserves their
 derivative, g_x S + g_p = 0, which holds at the start; rounding of the integration is corrected at each reported instant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from compiler.api import Array, symbols
 
 from ..compiled_model import CompiledModel
+from ..compiled_scene import chosen_target
 from ..errors import RunFailed, UsageError
+from ..numerics.collocation import NODES, affine_steps
 from ..rendering import OfModel, Summarised
 from ..results.json_values import head, named, with_units
 from .movable import refuse_structural
-from .operating_point import AnalysisRequest, OperatingPoint
+from .operating_point import AnalysisRequest, OperatingPoint, refused_limit
+from .reduced import by_states, followed_unknowns, tied_step
 from .sensitivity import balanced_step, independent, place_in, unit_directions
-from .singular_slopes import Beside
+
+if TYPE_CHECKING:
+    from ..simulation.segments.timeline import Segment
 
 SCHEMA = "bondgraph-run-sensitivity/1"
 RTOL = 1e-8
 SAME_INSTANT = 1e-12  # relative difference of equal instants
+FINER, FINEST = 1e-2, 1e-12  # tolerance of the run in that of S, and the least one
+MOST_PARTS = 50_000  # pairs; where so many do not suffice, the run is not known well enough
+# Differences of a part from its halves that are allowed, in tolerances: relative to S, and in sizes of the state and the parameter, which is above
+# the error of the run. The errors of the halves are at least 32 times smaller, where the run is smooth 512 times.
+RELATIVE, ABSOLUTE = 4.0, 0.3
 TIED = 1e-9  # relative to the derivatives at a start: remainder under the constraints of loop joints
+
+Part = tuple[int, float, float]  # of a run: number of the segment, start, stop
+Parts = tuple[int, float, float, float]  # two of them, next to each other
+Partitions = dict[tuple[float, ...], list[Parts]]  # by the ends of segments and the reported instants
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,19 +82,21 @@ class RunSensitivity(OfModel, Summarised):
 
 def run_sensitivity(
     model: CompiledModel, parameters: tuple[str, ...] | None, asked: AnalysisRequest, instants: Array | tuple[str | float | None, int],
-    rtol: float = RTOL, moved: Mapping[str, float] | None = None,
+    rtol: float = RTOL, moved: Mapping[str, float] | None = None, known: Partitions | None = None,
 ) -> RunSensitivity:  # fmt: skip
     """Return the sensitivity of a run by parameters (None: all independent ones), at `instants` (t,).
 
     `instants` may also be the time at which the run ends (None: that of the experiment) and the number of instants.
-    `moved`: values of the parameters, as for `operating_point`. Raises `CompilationFailed`, `UsageError` for models that jump with states, `RunFailed`.
+    `moved`: values of the parameters, as for `operating_point`; `known`: partitions of similar runs, with which the search for one begins.
+    Raises `CompilationFailed`, `UsageError` for models that jump with states, `RunFailed`.
     """
     from ..simulation.run_options import end_of
     from ..simulation.settings import settle
 
     by, fixed = independent(model, parameters, asked.experiment, asked.settings or {})
-    settled = settle(model, asked.experiment, fixed, asked.outputs, True, "numpy")
-    made = model.compiled_scene(replace(settled.scene, free=frozenset(by), by=by), True, "numpy")
+    target = chosen_target(None)
+    settled = settle(model, asked.experiment, fixed, asked.outputs, True, target)
+    made = model.compiled_scene(replace(settled.scene, free=frozenset(by), by=by), False, target)
     refuse_structural(made.compilation, by)
     plan = made.plan
     if isinstance(instants, tuple):
@@ -90,7 +107,7 @@ def run_sensitivity(
     asked = replace(asked, settings=fixed, by=by)
     flow = LinearizedDynamics(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
     with np.errstate(all="ignore"):
-        values, slopes = flow.go()
+        values, slopes = flow.go({} if known is None else known)
     program = made.program
     units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
     units |= {n: q.unit for n, q in made.compilation.whole_graph.quantities.items() if n in by}
@@ -99,12 +116,9 @@ def run_sensitivity(
     )  # fmt: skip
 
 
-class PointInside(OperatingPoint):
-    """Operating point inside a segment of a run, which passes kinks without staying there: the start of the segment is searched for them."""
-
-    def smoothed(self, beside: Beside, found: Array, name: Callable[[int], str]) -> Array:
-        """Return the slopes unchanged."""
-        return found
+def lost_at(time: float) -> RunFailed:
+    """Return the error of derivatives that have no end of finer parts."""
+    return RunFailed("BR244", f"the derivatives could not be followed beyond t = {time:.9g} s")
 
 
 class LinearizedDynamics:
@@ -124,36 +138,56 @@ class LinearizedDynamics:
             )
         self.ways = unit_directions(made.compilation, asked.by, len(asked.by))  # of the symbols of the parameters
         self.made, self.asked, self.instants, self.rtol, self.values = made, asked, instants, rtol, values
-        self.begins = self.after = made.plan.start  # after the start of a segment points are inside
+        self.begins = made.plan.start
         span = np.concatenate([[self.begins], instants[instants > self.begins]])
         if len(span) < 2:
             raise UsageError("BR241", "a run has an end after its start")
-        self.leg = Phase(made, span, PhaseOptions(replace(made.plan, tolerances={}), 1e-6, None, False, values))
-        self.n, self.k, self.size = len(program.states.names), len(asked.by), len(self.leg.state)
+        self.options = PhaseOptions(replace(made.plan, tolerances={}), max(rtol * FINER, FINEST), None, False, values)
+        self.leg = Phase(made, span, self.options)
+        self.n, self.k = len(program.states.names), len(asked.by)
         self.loops = self.leg.constraints.loops()
         self.mode, self.unknowns = self.leg.stretches[0].mode, self.leg.state[self.n :]
+        lowered, quantities = made.compilation.lowered, made.compilation.state_space.quantities
+        numbers = [quantities.get(name) for name in asked.by]
+        columns = np.array([*range(len(self.leg.state)), *(len(self.leg.state) + numbers.index(v) for v in lowered.by)])
+        self.rows, self.slopes = lowered.moving_rows(), program.functions.get("moving_slopes")
+        self.places = np.array([place for place, _ in lowered.moving_slopes()], dtype=int).reshape(-1, 2).T
+        self.places[1] = columns[self.places[1]]
+        own = np.abs(self.point(self.leg.state, self.begins).values_of(asked.by))
+        self.size, self.own = np.asarray(self.leg._magnitudes())[: self.n, None], np.where(own > 0, own, 1.0)
 
-    def point(self, state: Array, time: float, inside: bool = False) -> OperatingPoint:
+    def point(self, state: Array, time: float) -> OperatingPoint:
         """Return the operating point at a state (n,), with the unknowns solved for."""
         full = self.loops.solve(time, np.concatenate([state[: self.n], self.unknowns]), self.mode)
         self.unknowns = full[self.n :]
-        kind = PointInside if inside else OperatingPoint
-        return kind(self.made, self.leg.constraints, full, self.mode, time, self.asked.by, self.values)
+        return OperatingPoint(self.made, self.leg.constraints, full, self.mode, time, self.asked.by, self.values)
 
-    def rates(self, time: float, y: Array) -> Array:
-        """Return the rates of the states, then of S row by row."""
-        point = self.point(y[: self.n], time, inside=time > self.after)
-        A, B = point.reduced.by_states(point.rate_slopes(range(self.n)))
-        return np.concatenate([point.rates, (A @ y[self.n :].reshape(self.n, self.k) + B).ravel()])
+    def _states(self, times: Array) -> Any:
+        """Return states and unknowns of the run at some instants, (t, n + m); keep those at the reported ones and where segments start."""
+        from ..simulation.phase import Phase
+        from ..simulation.segments.trajectory import empty
 
-    def jacobian(self, time: float, y: Array) -> Array:
-        """Return the diagonal blocks of the Jacobian."""
-        point = self.point(y[: self.n], time, inside=time > self.after)
-        A, _ = point.reduced.by_states(point.rate_slopes(range(self.n)))
-        whole = np.zeros((len(y), len(y)))
-        whole[: self.n, : self.n] = A
-        whole[self.n :, self.n :] = np.kron(A, np.eye(self.k))
-        return whole
+        starts = np.array([s.start for s in self.leg.stretches])
+        span = np.unique(np.concatenate([[self.begins], self.instants, starts, times]))
+        self.leg = leg = Phase(self.made, span, self.options)
+        leg.trajectory = empty(leg.program, span)
+        leg.integrate(None)
+        self.reported, self.starting, states = (
+            leg.trajectory.states[np.searchsorted(span, at)] for at in (self.instants, starts, times)
+        )
+        return states
+
+    def _slopes(self, times: Array, states: Array, mode: Array) -> tuple[Any, Any]:
+        """Return the derivatives (t, rows, n) and (t, rows, k) of rates, residuals, invariants and outputs by states and parameters."""
+        slopes, leg = np.zeros((len(times), len(self.rows), states.shape[1] + self.k)), self.leg
+        if self.slopes is None:  # nothing reads any of the parameters
+            return slopes[..., : self.n], slopes[..., : self.k]
+        slopes[:, *self.places] = self.slopes(times, states, leg.inputs, leg.constants, mode)
+        bad = np.argwhere(~np.isfinite(slopes).all(axis=2))
+        if len(bad):
+            name = self.made.compilation.state_space.variables[self.rows[bad[0, 1]]].name
+            raise RunFailed("BR215", f"`{name}` has no finite slope at this state (t = {times[bad[0, 0]]:.9g} s)")
+        return by_states(slopes, followed_unknowns(slopes[:, self.n : states.shape[1]], self.n), self.n)
 
     def begin(self) -> Array:
         """Return S at the start: from the author's start values, or from the equilibrium."""
@@ -191,32 +225,44 @@ class LinearizedDynamics:
         _, found = point.tape(f"{word} of a run", lambda: list(roots)).slopes(point.lookup, self.ways, self.k)
         return np.array([np.zeros(self.k) if x is None else x for x in found]).reshape(len(roots), self.k)
 
-    def go(self) -> tuple[Array, Array]:
-        """Return values (t, m) and derivatives (t, m, k) of the outputs at the instants."""
+    def go(self, known: Partitions) -> tuple[Array, Array]:
+        """Return values (t, m) and derivatives (t, m, k) of the outputs at the instants; add the partition to those that are known."""
         lowered = self.made.compilation.lowered
         read = {symbol for root in lowered.crossings for symbol in symbols(root)} | lowered.curves_in_modes()
         if any(symbol.key in self.ways for symbol in read):
             raise UsageError(
                 "BR243", "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time",
             )  # fmt: skip
-        jumps, moving = self._jumps()
-        y = np.concatenate([self.leg.state[: self.n], self.begin().ravel()])
-        size = self._sizes()
-        values, slopes = [], []
-        stretches = self.leg.stretches
-        for number, stretch in enumerate(stretches):
-            self.mode, self.after = stretch.mode, stretch.start
-            last = number + 1 == len(stretches)
-            inside = [float(t) for t in self.instants if stretch.start <= t and (t < stretch.stop or last)]
-            for time, state in self._along(stretch, y, inside, size):
-                if time in inside:
-                    value, slope = self._seen(time, state)
-                    values.append(value)
-                    slopes.append(slope)
-                y = state
-            if not last:
-                y = self._over(stretch.stop, y, stretches[number + 1].mode, jumps, moving)
-        return np.array(values), np.array(slopes)
+        stretches, moved = self.leg.stretches, dict[tuple[int, float], Array]()
+        first, maps = self.begin() / self.size * self.own, dict[Part, tuple[Array, Array]]()
+        cuts, jumps = (*(s.stop for s in stretches), *self.instants.tolist()), list[Array]()
+        parts = known.get(cuts) or [pair for number, s in enumerate(stretches) for pair in self._pairs(number, s)]
+        while True:
+            self._map({part for n, a, m, b in parts for part in ((n, a, b), (n, a, m), (n, m, b))} - maps.keys(), maps)
+            jumps = jumps or self._over(*self._jumps())
+            S, finer, number = first, [], 0
+            for n, a, m, b in parts:
+                for jump in jumps[number:n]:
+                    S = S + jump
+                number = n
+                (P, q), (P1, q1), (P2, q2) = maps[n, a, b], maps[n, a, m], maps[n, m, b]
+                moved[n, a], moved[n, m] = S, P1 @ S + q1
+                whole, S = P @ S + q, P2 @ moved[n, m] + q2
+                error = (whole - S) / (self.rtol * (RELATIVE * np.abs(S) + ABSOLUTE))
+                if np.linalg.norm(error) <= math.sqrt(error.size):
+                    finer.append((n, a, m, b))
+                else:
+                    finer += self._halves(n, a, m, b)
+            if len(finer) == len(parts):
+                break
+            if len(finer) > MOST_PARTS:
+                raise lost_at(finer[-1][1])
+            parts = finer
+        known[cuts] = parts
+        for jump in jumps[number:]:
+            S = S + jump
+        moved[len(stretches) - 1, stretches[-1].stop] = S
+        return self._seen(moved)
 
     def _jumps(self) -> tuple[Array, Array]:
         """Return the known instants of jumps, and their derivatives (instants, k)."""
@@ -234,50 +280,92 @@ class LinearizedDynamics:
                 moving.append(-(by_zero + near[:, None] * by_rate) / rate if rate else np.zeros((len(near), self.k)))
         return np.concatenate(jumps), np.concatenate(moving)
 
-    def _sizes(self) -> Array:
-        """Return magnitudes of the states, and of S: the change of a state for a parameter change of its own size."""
-        states = np.asarray(self.leg._magnitudes())[: self.n]
-        own = np.abs(self.point(self.leg.state, self.begins).values_of(self.asked.by))
-        return np.concatenate([states, np.outer(states, 1 / np.where(own > 0, own, 1.0)).ravel()])
+    def _pairs(self, number: int, stretch: Segment) -> list[Parts]:
+        """Return pairs of parts of a segment, between the reported instants."""
+        inside = self.instants[(self.instants > stretch.start) & (self.instants < stretch.stop)].tolist()
+        grid = [stretch.start, *inside, stretch.stop]
+        if not stretch.stop > stretch.start:
+            return []
+        if len(grid) % 2 == 0:
+            grid.insert(-1, (grid[-2] + grid[-1]) / 2)
+        return [(number, *grid[i : i + 3]) for i in range(0, len(grid) - 2, 2)]
 
-    def _along(self, stretch: Any, y: Array, inside: Sequence[float], size: Array) -> list[tuple[float, Array]]:
-        """Return the reported instants of a segment, and its end, with states and S."""
-        from scipy.integrate import solve_ivp
+    def _halves(self, number: int, start: float, middle: float, stop: float) -> tuple[Parts, Parts]:
+        """Return both parts with halves of their own. Raises `RunFailed`."""
+        if not stop - start > SAME_INSTANT * max(abs(start), abs(stop)):
+            raise lost_at(start)
+        return (number, start, (start + middle) / 2, middle), (number, middle, (middle + stop) / 2, stop)
 
-        if not len(y) or stretch.stop <= stretch.start:
-            return [(t, y) for t in (*inside, stretch.stop)]
-        at = sorted({*inside, float(stretch.stop)})
-        done = solve_ivp(
-            self.rates, (stretch.start, stretch.stop), y, "Radau", at, jac=self.jacobian, rtol=self.rtol, atol=self.rtol * 1e-2 * size
-        )  # fmt: skip
-        if not done.success:
-            raise RunFailed(
-                "BR244", f"the derivatives could not be followed beyond t = {done.t[-1] if len(done.t) else stretch.start:.9g} s: {done.message}",
-            )  # fmt: skip
-        return list(zip(at, done.y.T, strict=True))
+    def _map(self, parts: Set[Part], maps: dict[Part, tuple[Array, Array]]) -> None:
+        """Add the affine maps of S, in sizes of states and parameters, over some parts."""
+        rows = np.array(sorted(parts)).reshape(-1, 3)
+        start, stop = rows[:, 1], rows[:, 2]
+        times = start[:, None] + (stop - start)[:, None] * NODES
+        times[:, -1] = stop
+        states = self._states(times.ravel()).reshape(*times.shape, -1)
+        for number in np.unique(rows[:, 0]).astype(int).tolist():
+            own = np.flatnonzero(rows[:, 0] == number)
+            stretch, at, x = self.leg.stretches[number], times[own].ravel(), states[own].reshape(-1, states.shape[-1])
+            self.mode = stretch.mode
+            if x.shape[1] > self.n:
+                for row in np.flatnonzero(at == stretch.stop):
+                    x[row] = self.point(x[row], stretch.stop).state
+            A, B = self._slopes(at, x, stretch.mode)
+            A, B = A[:, : self.n] * self.size.T / self.size, B[:, : self.n] * self.own / self.size
+            shape = len(own), len(NODES), self.n
+            P, q = affine_steps((stop - start)[own], A.reshape(*shape, self.n), B.reshape(*shape, self.k))
+            maps |= {(number, float(start[i]), float(stop[i])): (P[j], q[j]) for j, i in enumerate(own)}
 
-    def _over(self, time: float, y: Array, mode: Array, jumps: Array, moving: Array) -> Array:
-        """Return S after an instant that depends on parameters."""
-        near = [i for i, t in enumerate(jumps) if abs(t - time) <= SAME_INSTANT * max(abs(time), 1e-300)]
-        way = moving[near[0]] if near else np.zeros(self.k)
-        if not way.any():
-            self.mode = mode
-            return y
-        if any((moving[i] != way).any() for i in near[1:]):
-            raise UsageError(
-                "BR245", f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative",
-            )  # fmt: skip
-        before = self.point(y[: self.n], time).rates
-        self.mode = mode
-        after = self.point(y[: self.n], time).rates
-        return np.concatenate([y[: self.n], y[self.n :] + np.outer(before - after, way).ravel()])
+    def _over(self, jumps: Array, moving: Array) -> list[Array]:
+        """Return the jumps of S, in sizes, at the ends of segments that depend on parameters."""
+        stretches, steps = self.leg.stretches, []
+        for number, state in enumerate(self.starting):
+            time = stretches[number].start
+            self.mode, self.unknowns = stretches[number].mode, state[self.n :]
+            later = self.point(state, time)
+            later.rate_slopes(range(self.n))  # refuses kinks
+            if not number:
+                continue
+            near = [i for i, t in enumerate(jumps) if abs(t - time) <= SAME_INSTANT * max(abs(time), 1e-300)]
+            way = moving[near[0]] if near else np.zeros(self.k)
+            if any((moving[i] != way).any() for i in near[1:]):
+                raise UsageError(
+                    "BR245", f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative",
+                )  # fmt: skip
+            self.mode = stretches[number - 1].mode
+            earlier = self.point(state, time)
+            steps.append(np.outer(earlier.rates - later.rates, way) / self.size * self.own)
+        return steps
 
-    def _seen(self, time: float, y: Array) -> tuple[Array, Array]:
-        constraints = self.leg.constraints
-        state = np.concatenate([y[: self.n], self.unknowns])
-        if constraints:
-            state = constraints.project(time, state, self.mode)
-        point = self.point(state, time).check_limits()
-        outputs = list(point.compilation.state_space.outputs.values())
-        C, D = point.reduced.by_states(point.slopes(outputs))
-        return point.outputs, C @ point.reduced.held(y[self.n :].reshape(self.n, self.k)) + D
+    def _seen(self, moved: Mapping[tuple[int, float], Array]) -> tuple[Array, Array]:
+        """Return values and derivatives of the outputs at the instants, from the derivatives of the states by segment and time."""
+        times, states, stretches = self.instants, self.reported, self.leg.stretches
+        if self.leg.watch.warnings:
+            raise refused_limit(self.leg.watch.warnings[0])
+        numbers = np.searchsorted([s.start for s in stretches], times, "right") - 1
+        values, slopes = [], []
+        outputs, variables = len(self.made.program.outputs.names), self.made.compilation.state_space.outputs.values()
+        for number in np.unique(numbers).tolist():
+            stretch, rows = stretches[number], np.flatnonzero(numbers == number)
+            self.mode, x = stretch.mode, states[rows]
+            if self.leg.constraints:
+                x = np.array(
+                    [self.leg.constraints.project(t, y, self.mode) for t, y in zip(times[rows], x, strict=True)]
+                )
+            starts = times[rows[0]] == stretch.start
+            if starts:
+                self.unknowns = x[0, self.n :]
+                point = self.point(x[0], stretch.start)
+                x[0] = point.state
+            by_state, by_parameter = self._slopes(times[rows], x, self.mode)
+            if starts:
+                by_state[0, -outputs:], by_parameter[0, -outputs:] = point.reduced.by_states(point.slopes([*variables]))
+            S = np.array([moved[number, t] for t in times[rows].tolist()]) * self.size / self.own
+            kept = slice(x.shape[1], by_state.shape[1] - outputs)
+            if kept.stop > kept.start:
+                S = S - self.size * tied_step(
+                    by_state[:, kept] * self.size.T, by_state[:, kept] @ S + by_parameter[:, kept]
+                )
+            slopes.append(by_state[:, -outputs:] @ S + by_parameter[:, -outputs:])
+            values.append(self.made.program.output(times[rows], x, self.leg.inputs, self.leg.constants, self.mode))
+        return np.concatenate(values), np.concatenate(slopes)

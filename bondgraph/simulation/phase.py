@@ -277,11 +277,7 @@ class Phase:
         self.leaving = self._leaving()
         if self.options.extremes:
             self.extremes = ExtremesMonitor(self._solution().output, len(program.outputs.names))
-        try:
-            problem = self._problem(self.events, self.choice)
-            self._integrator()(problem, self.trajectory).through(self.state, self.stretches)
-        except (RateNotFinite, StepsCollapsed, NotLossless) as failed:
-            raise explained(failed, self.constraints, self.compilation.state_space) from None
+        self.integrate(self.choice)
         self._end_where_stopped()
         self._finish()
         self.values = self._solution().outputs(self.watch)
@@ -295,6 +291,13 @@ class Phase:
             check_finite(program, space, self.instants, self.values, self.trajectory.states, self.parameters)
         if self.options.energy:
             self._find_energy()
+
+    def integrate(self, choice: Choice | None) -> None:
+        """Integrate into the trajectory; to the end with the states of the start, if there is no choice. Raises `RunFailed`."""
+        try:
+            self._integrator()(self._problem(self.events, choice), self.trajectory).through(self.state, self.stretches)
+        except (RateNotFinite, StepsCollapsed, NotLossless) as failed:
+            raise explained(failed, self.constraints, self.compilation.state_space) from None
 
     def _integrator(self) -> type[SegmentIntegrator]:
         if self.events is None:

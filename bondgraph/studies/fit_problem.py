@@ -13,7 +13,7 @@ from compiler.api import Array, BoundedParameter, CompilationFailed
 
 from ..analysis.operating_point import AnalysisRequest
 from ..analysis.placement import operating_point
-from ..analysis.run_sensitivity import run_sensitivity
+from ..analysis.run_sensitivity import Partitions, run_sensitivity
 from ..analysis.sensitivity import sensitivity
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
@@ -54,6 +54,7 @@ class Problem:
         self.sought, self.names = tuple(given), tuple(s.name for s in given)
         self.logarithmic = np.array([s.logarithmic for s in given])
         self.failure = ""
+        self.partitions: Partitions = {}
         self.compiled_in = False  # True if each value is compiled into a separate program
         self._kept: tuple[bytes, Array, Array] | None = None
         self.start = self._start()
@@ -209,7 +210,7 @@ class Problem:
     def _over_time(self, data: Measurements, time: Array, values: Mapping[str, float]) -> list[tuple[Array, Array]]:
         settings, moved = self._given({}, values)
         asked = AnalysisRequest(self.experiment, settings, tuple(sorted(data.found)))
-        told = run_sensitivity(self.model, self.names, asked, time, moved=moved)
+        told = run_sensitivity(self.model, self.names, asked, time, moved=moved, known=self.partitions)
         places = {n: told.outputs.index(n) for n in data.found}
         return [(told.values[:, i], told.slopes[:, i]) for i in places.values()]
 

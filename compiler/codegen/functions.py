@@ -85,6 +85,8 @@ _ROWS = (
     ProgramFunction("dependent", "What storages in derivative form hold.", lambda low: low.dependents),
     ProgramFunction("sensitivities", "Slopes of what storages in derivative form hold by the states, where they change in a run.",
                     _sorted(lambda low: low.sensitivities)),
+    ProgramFunction("moving_slopes", "Slopes of the rates, what must vanish, the invariants and the outputs by states, unknowns and further quantities.",
+                    lambda low: [slope for _, slope in low.moving_slopes()] if low.by else None),
     ProgramFunction("solved", "The rates with the multipliers solved for, and then these.", _solved, hot=True),
     # Energies, constraints, and signals that a step must follow
     ProgramFunction("stored_energy", "All energy that is stored, and its slopes by the states.", lambda low: low.energy or None, hot=True),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 
-from ..algebra.expression import Expression, Symbol, operations, symbols
+from ..algebra.expression import ZERO, Expression, Symbol, operations, symbols
 from ..algebra.table import is_table
 from ..errors import ValuesNeeded
 from ..fast_dataclass import dataclass
@@ -110,6 +110,18 @@ class Lowered:
         if variable.value is None:
             raise ValuesNeeded({variable.name: f"the range of a table, which reads `{variable.name}`"})
         return variable.value
+
+    def moving_rows(self) -> list[int]:
+        """Variables whose slopes the run's sensitivity needs: rates, residuals, invariants, outputs."""
+        space = self.space
+        kept = (*(i.position for i in space.invariants), *(i.velocity for i in space.invariants))
+        rates = *(s.rate for s in space.states), *(u.residual for u in space.unknowns)
+        return [*rates, *(v for v in kept if v is not None), *space.outputs.values()]
+
+    def moving_slopes(self) -> list[tuple[tuple[int, int], Expression]]:
+        """Nonzero slopes of these (rows) by states, unknowns and `by` (columns)."""
+        rows = ((row, self.slopes.get(v, {})) for row, v in enumerate(self.moving_rows()))
+        return [((row, column), slope) for row, slopes in rows for column, slope in slopes.items() if slope != ZERO]
 
     def curves_in_modes(self) -> set[Symbol]:
         """Symbols in the points of curves whose derivatives are items of the mode."""

@@ -12,7 +12,9 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph import UsageError
+from bondgraph.analysis.operating_point import OperatingPoint
 from bondgraph.commands import commands
+from bondgraph.studies.identify import OPEN
 from tests.compiling import MODELS
 
 DECAY = """
@@ -104,6 +106,48 @@ def test_against_runs_beside_each_other(text: str, names: tuple[str, ...], setti
         for output in found.outputs:
             slope = (beside[0][output] - beside[1][output]) / (2 * h)
             assert found.of(output, name) == pytest.approx(slope, abs=3e-7 * abs(slope).max()), (output, name)
+
+
+def test_parts_of_a_run_are_mapped_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the start and the instant of the step are looked at by Python alone; 1 400 points were."""
+    points, create = [], OperatingPoint.__init__
+
+    def counted(self: OperatingPoint, *given: Any) -> None:
+        points.append(given)
+        create(self, *given)
+
+    monkeypatch.setattr(OperatingPoint, "__init__", counted)
+    found = bondgraph.load(HARD).sensitivity_of_run(("m", "k", "r"), None, to=3, points=13)
+    assert np.isfinite(found.slopes).all() and len(points) < 12
+
+
+@pytest.mark.interpreted
+def test_what_a_run_leaves_open_stays_open() -> None:
+    """Mass, stiffnesses and drag of a free oscillator scale together: the derivative along that direction is rounding, far below `OPEN`."""
+    text = HARD.replace("Se push : F = 2 N*step(time - 1.3 s)", "parameter hard: N/m^3 = 5, air: N*s^2/m^2 = 1")
+    text = text.replace("push -> 1(mass", "1 j : translation\n  j -> mass").replace("drag)", "drag")
+    text = text.replace("5 [N/m^3]*x^3", "hard*x^3").replace(
+        "r*v*abs(v)/1 [m/s] + 0.2 [N*s/m]*v", "r*v + air*v^3/1 [m/s]"
+    )
+    names = ("m", "k", "r", "hard", "air")
+    found = bondgraph.load(text).sensitivity_of_run(names, None, to=3, points=21, outputs=("x",))
+    sizes = np.linalg.svd(found.slopes[:, 0] * found.at, compute_uv=False)
+    assert sizes[-1] < 1e-2 * OPEN * sizes[0] and sizes[-2] > 1e-6 * sizes[0]
+
+
+def test_instants_that_meet_and_part() -> None:
+    """Two steps at 1 s, of which only one moves with the parameter: there is a derivative to each side, and none."""
+    text = DECAY.replace("u = U*step(time - t0)", "u = U*step(time - 0.7 s) + U*step(time - t0)")
+    with pytest.raises(UsageError, match="two instants meet"):
+        bondgraph.load(text).sensitivity_of_run(("t0",), None, to=1)
+
+
+def test_of_no_parameter_and_of_one_that_only_starts_read() -> None:
+    model = bondgraph.load(DECAY)
+    assert model.sensitivity_of_run((), None, to=1, points=3).slopes.shape == (3, 1, 0)
+    assert model.sensitivity_of_run(("u0",), None, to=1, points=3).slopes[:, 0, 0] == pytest.approx(
+        np.exp([0, -0.5, -1])
+    )
 
 
 def test_what_has_no_such_derivatives() -> None:
