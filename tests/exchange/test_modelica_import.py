@@ -200,6 +200,7 @@ REFUSED = {
     "gives no start": "Real x, y; initial equation x*y = 1; equation der(x) = 1; der(y) = x;",
     "`u`, which changes, before the run": "input Real u; parameter Real p = 2*u; Real x; equation x = p;",
     "`a` may be set at the same instant": "discrete Real a, b; equation when sample(0, 1) then a = pre(a) + 1; end when; when sample(0, 2) then b = a; end when;",
+    "`b` may be set at the same instant": "Real x(start = 0); discrete Real a, b; equation der(x) = 1; when x > 1 then b = 1; end when; when x > 1 then a = b; end when;",
     "moves with what is set": "discrete Real a, b; equation when time > 1 then a = b; b = a + 1; end when;",
     "`edge` cannot be imported here": "Boolean b; Real x; equation b = time > 1; x = if edge(b) then 1 else 0;",
     "too large a number": "Real x; equation x = 1e999;",
@@ -276,6 +277,25 @@ def test_a_condition_that_holds_at_the_start_does_not_act_there() -> None:
         to=2, points=3
     )
     assert result["y"] == pytest.approx([0, 1, 0.8])
+
+
+COUNTS = {  # what counts until t = 10 s; sin(time) > 0.5 begins at 0.52 s and 6.81 s, sin(time) > -0.3, which holds at the start, at 5.98 s
+    "when {sin(time) > 0.5, sin(time) > -0.3} then n = pre(n) + 1; end when;": 3,
+    "when sin(time) > -0.3 then n = pre(n) + 1; end when;": 1,
+    "when sample(3, 1.5) then n = pre(n) + 1; end when;": 5,
+    "when sample(0, 2.5) then n = pre(n) + 1; end when;": 5,
+    "when change(b) then n = pre(n) + 1; end when;": 4,
+    "when {b, sin(time) > -0.3} then n = pre(n) + (if edge(b) then 10 else 1); end when;": 21,
+    "when sin(time) > 0.5 then m = pre(m) + 1; n = m + pre(m); end when;": 3,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("when", COUNTS)
+def test_events_are_those_of_modelica(when: str) -> None:
+    text = f"Real x(start = 0, fixed = true); Boolean b; discrete output Integer n(start = 0), m(start = 0); equation b = sin(time) > 0.5; der(x) = 1; {when}"
+    text = text.replace(", m(start = 0)", "") if "m = " not in when else text
+    result = bondgraph.load(imported(f"model M {text} end M;")).simulate(to=10, points=3)
+    assert result["n"][-1] == COUNTS[when]
 
 
 def test_an_imported_model_drives_bonds() -> None:

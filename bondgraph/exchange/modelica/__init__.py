@@ -29,7 +29,7 @@ def _translated(model: FlatModel) -> str:
     form = normal_form(model)
     system = sort_equations(model, form)
     starts = find_starts(model, form, system)
-    values = StartEvaluator(form, system, starts, model.experiment.get("StartTime", 0.0))
+    values = StartEvaluator(model, form, system, starts)
     events = find_events(model, form, system, values)
     model.stop()
     return write_model(SortedModel(model, form, system, starts, events))

@@ -8,11 +8,12 @@ there has a mode beside it, which holds what the condition was; so have conditio
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 from compiler.api import printable
 
+from .functions import REPLACED
 from .normal_form import MAXIMUM_PARTS, NormalForm, When
 from .parse import FlatModel
 from .start import StartEvaluator
@@ -49,6 +50,7 @@ class _EventFinder:
     def __init__(self, model: FlatModel, form: NormalForm, system: SortedSystem, values: StartEvaluator) -> None:
         self.model, self.form, self.system, self.values = model, form, system, values
         self.latched: dict[str, Term] = {}  # modes with the conditions that they remember
+        self.apart: dict[str, list[Term]] = {}  # what keeps their ends apart from events that set them
         self.events: list[EventClause] = []
         self.by_condition: dict[Term | tuple[Term, Term], list[EventClause]] = defaultdict(list)
         self.readers: dict[str, list[str]] = defaultdict(list)
@@ -67,16 +69,21 @@ class _EventFinder:
         return reached
 
     def result(self) -> EventClauses:
-        self.moved = {
-            id(w): self.dependent(w.settings.keys() & self.form.modes.keys()) for w in self.form.whens[:MAXIMUM_WHENS]
-        }
-        if len(self.moved) < len(self.form.whens):
+        whens = self.form.whens
+        if len(whens) > MAXIMUM_WHENS:
             self.model.refuse(
-                self.form.whens[-1].place, f"there are more than {MAXIMUM_WHENS} events", "Import parts of the model."
+                whens[-1].place, f"there are more than {MAXIMUM_WHENS} events", "Import parts of the model."
             )
             return EventClauses()
-        for when in self.form.whens:
-            self._refuse_order(when)
+        moving = self.dependent([*self.form.states, *self.form.modes])
+        causes = [self._causes(when) & moving for when in whens]
+        moved = [self.dependent(when.settings.keys() & self.form.modes.keys()) for when in whens]
+        for i, when in enumerate(whens):
+            together = [
+                k for k in range(len(whens)) if k != i and (causes[i] & causes[k] or causes[i] == causes[k] == set())
+            ]
+            self._refuse_order(when, [moved[k] for k in together], [moved[k] for k in range(len(whens)) if k != i])
+        for when in whens:
             self._add(when)
         for name, rule in self.form.memories.items():
             rule = self.before(rule)
@@ -86,7 +93,9 @@ class _EventFinder:
             begun = Term("compare", ">=", (named("time"), Term("number", repr(self.values.values["time"]))))
             self.events.insert(0, EventClause(begun, {STARTED: TRUE, **self.latched}))
             for latch, condition in self.latched.items():
-                self._append(joined("and", named(STARTED), named(latch), negated(condition)), {latch: FALSE})
+                self._append(
+                    joined("and", named(STARTED), named(latch), negated(condition), *self.apart[latch]), {latch: FALSE}
+                )
         return EventClauses(self.events, [*self.latched, STARTED] if self.latched else [])
 
     def _append(self, condition: Term | tuple[Term, Term], settings: dict[str, Term]) -> None:
@@ -108,7 +117,7 @@ class _EventFinder:
             item = item.parts[0] if is_call(item, "edge") else item
             sample = self.form.samples.get(item.word, item) if item.kind == "name" else item
             if is_call(sample, "sample") and len(when.conditions) == 1:
-                self._sample(when, (sample.parts[1], sample.parts[0]))
+                self._sample(when, *sample.parts)
                 return
             conditions += [item.parts[0], negated(item.parts[0])] if is_call(item, "change") else [item]
         plain = [self.before(c) for c in conditions]
@@ -119,12 +128,23 @@ class _EventFinder:
         remembered = {f"{WAS}{len(self.latched) + i + 1}": c for i, c in enumerate(plain)}
         self.latched |= remembered
         becomes = [joined("and", c, negated(named(latch))) for latch, c in remembered.items()]
+        self.apart |= dict.fromkeys(remembered, [negated(joined("or", *becomes))] if len(becomes) > 1 else [])
         edges = dict(zip(conditions, becomes, strict=True))
         settings = {n: self.before(_with_edges(t, edges)) for n, t in self._current(when).items()}
         self._append(joined("and", named(STARTED), joined("or", *becomes)), settings | remembered)
 
-    def _sample(self, when: When, every: tuple[Term, Term]) -> None:
+    def _sample(self, when: When, start: Term, period: Term) -> None:
         """Add an `every`: line by line as the file means it, if there is such an order, else with what is set in the place of names."""
+        begin, length = self.values.value(start), self.values.value(period)
+        every = (period, start)
+        if begin is None or length is None or begin >= length:  # an offset is less than a period
+            every = (period, REPLACED["mod", 2](start, period))
+            half = Term("sum", "+-", (start, Term("product", "*/", (period, Term("number", "2")))))
+            begun = Term("compare", ">", (named("time"), half))
+            held = {
+                n: Term("choice", "", (begun, t, Term("call", "pre", (named(n),)))) for n, t in when.settings.items()
+            }
+            when = replace(when, settings=held)
         ordered: dict[str, Term] = {}
         waiting, own = dict(when.settings), when.settings.keys() & self.form.modes.keys()
         while waiting:
@@ -174,26 +194,30 @@ class _EventFinder:
             )
         return values
 
-    def _refuse_order(self, when: When) -> None:
-        """Refuse what reads another `when` at the same instant in an order that the language does not have."""
+    def _causes(self, when: When) -> set[str]:
+        """Return the names by which the conditions of a `when` change, those in truths that they name, too."""
+        reached, stack = set[str](), list(names_in(*when.conditions))
+        while stack:
+            name = stack.pop()
+            if name not in reached:
+                reached.add(name)
+                is_truth = self.model.declared[name].kind == "Boolean" if name in self.model.declared else False
+                stack += names_in(self.system.definitions[name]) if is_truth and name in self.system.definitions else []
+        return reached
+
+    def _refuse_order(self, when: When, together: list[set[str]], others: list[set[str]]) -> None:
+        """Refuse what reads another `when` at the same instant in an order that the language does not have.
+
+        `together`: what moves with those that may act at the same instants, as their conditions share a name or are all on time; `others`: with all.
+        """
         read, tested = (set().union(*map(_now, terms)) for terms in (when.settings.values(), when.conditions))
         before = names_in(*(t for s in when.settings.values() for t in walk(s) if is_call(t, "pre")))
-        for other in self.form.whens:
-            own = other.settings.keys() & self.form.modes.keys()
-            if other.conditions == when.conditions and not read & self.dependent(own - when.settings.keys()):
-                continue
-            moved = self.moved[id(other)]
-            late = read & moved if self._is_timed(when.conditions) and self._is_timed(other.conditions) else set()
-            late |= before & own if tested & moved else set()
-            if late and other is not when:
-                what = (
-                    f"`{printable(min(late))}` may be set at the same instant by another `when`, before it is read here"
-                )
-                self.model.refuse(when.place, what, ONLY_PRE)
-
-    def _is_timed(self, conditions: Sequence[Term]) -> bool:
-        """Return True for conditions on time and parameters alone."""
-        return not names_in(*conditions) & self.dependent([*self.form.states, *self.form.modes])
+        late = set().union(
+            *(read & moved for moved in together), *(before & moved for moved in others if tested & moved)
+        )
+        for name in sorted(late)[:1]:
+            what = f"`{printable(name)}` may be set at the same instant by another `when`, before it is read here"
+            self.model.refuse(when.place, what, ONLY_PRE)
 
 
 def _now(term: Term) -> set[str]:

@@ -91,6 +91,8 @@ class _Normalizer:
             self._check_name(term)
         elif term.kind not in KINDS and not (term.kind == "named" and term.word in ("actual", "simplified")):
             self.model.refuse(original, f"an expression of the kind `{term.kind}` cannot be imported", SCALARS)
+        elif term.kind == "number" and float(term.word) == 0:
+            return ZERO
         elif term.kind == "number" and isinf(float(term.word)):
             self.model.refuse(original, f"`{term.word}` is too large a number", "Numbers have at most 308 digits.")
         elif term.kind == "call":
@@ -140,8 +142,8 @@ class _Normalizer:
         """Return a term of an equation, between events: there a mode is what it was."""
         if is_call(term, "pre") and term.parts[0].word in self.form.modes:
             return term.parts[0]
-        if is_call(term, "pre", "edge", "change", "sample"):
-            self.model.refuse(term, f"`{term.word}` cannot be imported here", "It stands in a `when`.")
+        if is_call(term, "pre", "edge", "change", "sample") or (term.kind == "name" and term.word in self.form.samples):
+            self.model.refuse(term, f"`{printable(term.word)}` cannot be imported here", "It stands in a `when`.")
         return rebuilt(term, self._settled)
 
     def is_truth(self, term: Term) -> bool:

@@ -9,7 +9,7 @@ from .functions import VALUES
 from .normal_form import NormalForm, Pair
 from .parse import FlatModel
 from .system import SortedSystem, inlined, isolated
-from .tree import FALSE, ZERO, Term, is_call, named, names_in
+from .tree import FALSE, TRUE, ZERO, Term, is_call, named, names_in
 
 MAXIMUM_DEPTH = 60  # of names that are read through names
 
@@ -18,13 +18,14 @@ MAXIMUM_DEPTH = 60  # of names that are read through names
 class Starts:
     """Start of each state and mode. `is_rest`: all states begin at rest, which a search finds."""
 
+    instant: Term
     terms: dict[str, Term] = field(default_factory=dict)
     is_rest: bool = False
 
 
 def find_starts(model: FlatModel, form: NormalForm, system: SortedSystem) -> Starts:
     """Return the starts; an initial equation that gives none of them by parameters is refused."""
-    starts, free = Starts(), []
+    starts, free = Starts(Term("number", repr(instant_of(model)))), []
     for name in (*form.states, *form.modes):
         item = model.declared[name]
         starts.terms[name] = form.starts.get(name, FALSE if item.kind == "Boolean" else ZERO)
@@ -47,7 +48,7 @@ def find_starts(model: FlatModel, form: NormalForm, system: SortedSystem) -> Sta
 def _use(pair: Pair, free: list[str], starts: Starts, system: SortedSystem, constant: set[str]) -> bool:
     """Take the start of one state or mode from an equation, if it gives one."""
     left, right = (s.parts[0] if is_call(s, "pre") else s for s in pair[:2])
-    begun = {"time": ZERO, **starts.terms, **{name: named(name) for name in free}}
+    begun = {"time": starts.instant, **starts.terms, **{name: named(name) for name in free}}
     sides = [inlined(side, system, begun) for side in (left, right)]
     if sides[0] is None or sides[1] is None:
         return False
@@ -62,12 +63,22 @@ def _use(pair: Pair, free: list[str], starts: Starts, system: SortedSystem, cons
     return False
 
 
+def instant_of(model: FlatModel) -> float:
+    """Return the instant at which runs begin."""
+    return model.experiment.get("StartTime", 0.0)
+
+
 class StartEvaluator:
     """Values at the start of a run with the model's own numbers; a truth is 0 or 1, None what is not known."""
 
-    def __init__(self, form: NormalForm, system: SortedSystem, starts: Starts, instant: float) -> None:
+    def __init__(self, model: FlatModel, form: NormalForm, system: SortedSystem, starts: Starts) -> None:
         self.terms: Mapping[str, Term] = {**form.values, **system.definitions, **starts.terms}
-        self.values: dict[str, float | None] = {"time": instant}
+        inputs = (name for name, item in model.declared.items() if "input" in item.prefixes)  # which a run may set
+        self.values: dict[str, float | None] = {"time": instant_of(model), **dict.fromkeys(inputs)}
+        for name, rule in form.memories.items():  # which follow their rule at once
+            value = self.value(rule)
+            self.values = {n: v for n, v in self.values.items() if n not in self.terms} | {name: value}
+            starts.terms[name] = starts.terms[name] if value is None else TRUE if value else FALSE
 
     def value(self, term: Term, depth: int = 0) -> float | None:
         """Return the value of a term."""
