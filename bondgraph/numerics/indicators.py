@@ -23,6 +23,9 @@ ON_GRID = np.cos(np.arccos(2 * FINER - 1)[:, None] * DEGREES)
 LAST = 3  # number of last coefficients that estimate the error
 CONVERGED = 1e-3  # largest error, relative to the variation, of a polynomial that is valid between its places
 SURE = 4.0  # in units of the error: a larger distance from zero is certain
+# Depth of a minimum below the lowest place of the grid, in units of the height of the higher place beside it: a parabola has 9/16 beside an end, where an
+# interval is three times the one before it, and 1/8 where they are equal.
+DEPTH = 0.75
 LEFT = 64.0  # in units of the rounding of an indicator: as far from its zero it may be where a step begins with one
 EXACT = 1e-9  # relative to the variation: a smaller part does not reduce this error
 

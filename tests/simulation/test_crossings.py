@@ -15,10 +15,12 @@ from scipy.integrate import solve_ivp
 import bondgraph
 from bondgraph.compiled_scene import TARGETS
 from bondgraph.errors import RunFailed
+from bondgraph.numerics.indicators import COEFFICIENTS, FINER, ON_GRID, SHARES
 from bondgraph.numerics.roots import crossing, zeros_between
 from bondgraph.results.result import Result
 from bondgraph.simulation.constraints.singular import SingularPoseMonitor
-from bondgraph.simulation.integrators.acceptance.crossing_search import narrow
+from bondgraph.simulation.integrators.acceptance.crossing_search import SEARCHED, mark_dips, narrow
+from bondgraph.simulation.integrators.acceptance.zero_crossings import keeps_away
 
 BOTH = [pytest.param(t, marks=pytest.mark.machine_code) if t == "native" else t for t in TARGETS]
 SOLVERS = ["automatic", "explicit", "radau", "rodas"]
@@ -536,3 +538,22 @@ def test_a_condition_whose_branch_changes_with_it_is_judged_anew(target: str) ->
     """|x| by two branches crosses zero under each of them, and is positive on both sides: the second one acted at each zero of x."""
     text = "plain model M { signal x = integral(v, 0), v = integral(-x, 1)\n mode n = 0\n when (x if x > 0 else -x) > 0 { n = n + 1 }\n output count = n }"
     assert run(text, 10.0, target=target).final("count") == 1
+
+
+def test_a_window_between_any_places_of_the_grid_is_searched() -> None:
+    """Near the ends of a part the places are apart as 1, 3, 5: of windows of a sine, 1e-4 of its period, one in 6000 was passed there."""
+    passed = []
+    for place in [*np.linspace(1e-5, 0.02, 400), *np.linspace(0.45, 0.5, 100)]:
+        for at in (float(place), 1 - float(place)):
+            values = (SHARES - at) ** 2 - 1e-11
+            form = COEFFICIENTS @ values
+            part: Any = SimpleNamespace(
+                root_count=1, values=values, form=form, grid=ON_GRID @ form, error=[0.0], floor=[0.0], dips=[0] * len(FINER), dipping=[0],
+                root_form=form, root_floor=[0.0], root_strict=[1], root_said=[0],
+            )  # fmt: skip
+            mark_dips(part, 0, 0)
+            around = [i for i, dip in enumerate(part.dips) if dip == SEARCHED]
+            seen = any(FINER[max(i - 1, 0)] <= at <= FINER[min(i + 1, len(FINER) - 1)] for i in around)
+            if not (seen and not keeps_away(part, 0, 0, 0.0)):
+                passed.append(at)
+    assert not passed

@@ -12,7 +12,7 @@ from ..workspace import IntegratorWorkspace
 from .event_indicators import INFINITE, IndicatorWorkspace
 from .zero_crossings import contradicts, roots_at, slope_inwards, truth, turns
 
-PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
+PLACES, GRID, LAST, DEPTH = indicators.PLACES, indicators.GRID, indicators.LAST, indicators.DEPTH
 SHARES, FINER = tuple(indicators.SHARES.tolist()), tuple(indicators.FINER.tolist())
 CONVERGED, SURE, LEFT, EXACT = indicators.CONVERGED, indicators.SURE, indicators.LEFT, indicators.EXACT
 RESTS = 4.0  # in units of the rounding of a root: as far behind its zero rounding may leave it where a step begins
@@ -124,7 +124,7 @@ def mark_dips(k: IndicatorWorkspace, j: int, begins: int) -> None:
             before = abs(k.grid[(place - 1) * m + j])
             after = abs(k.grid[(place + 1) * m + j])
             beside = max(before, after)
-            touches = here <= before and here <= after and here < beside and here - 0.5 * (beside - here) < margin
+            touches = here <= before and here <= after and here < beside and here - DEPTH * (beside - here) < margin
             mark = SEARCHED if touches else 0
         k.dips[place * m + j] = mark
         if mark != 0:

@@ -12,7 +12,7 @@ from ..methods import PARTS
 from ..projection.projection import put_multipliers
 from ..workspace import IntegratorWorkspace
 
-PLACES, GRID, LAST = indicators.PLACES, indicators.GRID, indicators.LAST
+PLACES, GRID, LAST, DEPTH = indicators.PLACES, indicators.GRID, indicators.LAST, indicators.DEPTH
 SHARES = tuple(indicators.SHARES.tolist())
 COEFFICIENTS, ON_GRID = (tuple(a.ravel().tolist()) for a in (indicators.COEFFICIENTS, indicators.ON_GRID))
 CONVERGED, SURE, LEFT = indicators.CONVERGED, indicators.SURE, indicators.LEFT
@@ -108,7 +108,7 @@ def keeps_away(s: IntegratorWorkspace, j: int, part: int, margin: float) -> bool
             return False
         after = abs(value)
         if place > 1 and here <= before and here <= after and here < max(before, after):
-            if here - 0.5 * (max(before, after) - here) < margin:
+            if here - DEPTH * (max(before, after) - here) < margin:
                 return False
         before = here
         here = after
