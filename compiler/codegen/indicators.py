@@ -74,7 +74,9 @@ def _rounding(x: Apply, is_fixed: Callable[[Expression], bool], sizes: dict[Expr
         low = call("max", operand - size, Number(lowest)) if lowest > -inf else operand - size
         high = call("min", operand + size, Number(highest)) if highest < inf else operand + size
         ends = [rebuild(x.operator, (*x.operands[:i], end, *x.operands[i + 1 :])) for end in (low, high)]
-        moves += [call("abs", end - x) for end in ends]
+        # a quotient by what is rounding itself has no bound
+        sure = ONE if x.operator != "divide" or i == 0 else call("less", 2.0 * size, call("abs", operand))
+        moves += [select(sure, call("abs", end - x), ZERO) for end in ends]
     return add(*moves, multiply(ROUNDED, call("abs", x))) if moves else ZERO
 
 

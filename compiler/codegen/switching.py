@@ -459,4 +459,4 @@ def _rebuilt(operator: str, operands: tuple[Expression, ...]) -> Expression:
 
 
 def _or_zero(x: Expression, most: Expression) -> Expression:
-    return x if most == ZERO else select(call("less_equal", call("abs", x), most), ZERO, x)
+    return x if most == ZERO else select(call("less", call("abs", x), most), ZERO, x)
