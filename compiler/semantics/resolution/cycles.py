@@ -61,12 +61,12 @@ def counts_angle(
         case tree.Product(factors=factors):
             others = [factor for _, factor in factors if not counts_angle(names, factor, scope, counts, most)]
             return len(others) == len(factors) - 1 and all(_is_number(names, o, scope) for o in others)
-        case tree.Call(function=name, arguments=given):
+        case tree.Call(function=name, arguments=arguments):
             own = scope.function(name)
             function = own[0] if own is not None else scope.definition.file.functions.get(name)
-            if function is None or len(given) != len(function.parameters):
+            if function is None or len(arguments) != len(function.parameters):
                 return False
-            body = opened(function.body, (dict(zip(function.parameters, given, strict=True)), None))
+            body = opened(function.body, (dict(zip(function.parameters, arguments, strict=True)), None))
             return most > 0 and counts_angle(names, body, scope, counts, most // 2)
         case tree.PathSyntax():
             entry = _read(names, expression, scope)
