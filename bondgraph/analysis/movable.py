@@ -1,4 +1,4 @@
-"""Refusals of parameters by which nothing has a slope: those that decide which parts there are, and words."""
+"""Refusals of parameters by which nothing has a slope: those that decide which parts there are, words, points of tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING
 from ..errors import UsageError
 
 if TYPE_CHECKING:
-    from compiler.api import Compilation
+    from compiler.api import Compilation, Program
+
+    from ..compiled_scene import CompiledScene
+
+
+def differentiable_program(compiled: CompiledScene) -> Program:
+    """Return the program of a scene. Raises `UsageError` if nothing is differentiated by one of its quantities."""
+    from compiler.api import NotDifferentiable
+
+    try:
+        return compiled.program
+    except NotDifferentiable as problem:
+        raise UsageError(
+            "BR218", "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
+        ) from problem  # fmt: skip
 
 
 def refuse_structural(compilation: Compilation, names: Sequence[str]) -> None:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import Array, CompilationFailed, NotDifferentiable
+from compiler.api import Array, CompilationFailed
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..numerics.threads import release_for
 from ..simulation.segments.units import refuse_units
-from .movable import refuse_choice, refuse_structural
+from .movable import differentiable_program, refuse_choice, refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint, length_of
 
 if TYPE_CHECKING:
@@ -116,12 +116,7 @@ def placed(prepare: Prepare, scene: Scene, asked: AnalysisRequest, values: Mappi
     from ..simulation.phase import PhaseOptions
 
     compiled = prepare(scene, True)
-    try:
-        program, plan = compiled.program, compiled.plan
-    except NotDifferentiable as problem:
-        raise UsageError(
-            "BR218", "one of the quantities is a point of a table or a seed of noise: nothing is differentiated by these",
-        ) from problem  # fmt: skip
+    program, plan = differentiable_program(compiled), compiled.plan
     refuse_structural(compiled.compilation, asked.by)
     if not isinstance(asked.state, Mapping) and asked.state not in ("equilibrium", "start"):
         raise UsageError("BR220", f"a state is `equilibrium`, `start` or values by name; not `{asked.state}`")

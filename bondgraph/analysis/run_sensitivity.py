@@ -25,7 +25,7 @@ from ..errors import RunFailed, UsageError
 from ..numerics.collocation import NODES, affine_steps
 from ..rendering import OfModel, Summarised
 from ..results.json_values import head, named, with_units
-from .movable import refuse_structural
+from .movable import differentiable_program, refuse_structural
 from .operating_point import AnalysisRequest, OperatingPoint, refused_limit
 from .reduced import by_states, followed_unknowns, tied_step
 from .sensitivity import balanced_step, independent, place_in, unit_directions
@@ -98,7 +98,7 @@ def run_sensitivity(
     settled = settle(model, asked.experiment, fixed, asked.outputs, True, target)
     made = model.compiled_scene(replace(settled.scene, free=frozenset(by), by=by), False, target)
     refuse_structural(made.compilation, by)
-    plan = made.plan
+    program, plan = differentiable_program(made), made.plan
     if isinstance(instants, tuple):
         to, points = instants
         instants = np.linspace(plan.start, end_of(plan, to), points)
@@ -108,7 +108,6 @@ def run_sensitivity(
     flow = LinearizedDynamics(made, asked, instants, {**settled.values, **(moved or {})}, rtol)
     with np.errstate(all="ignore"):
         values, slopes = flow.go({} if known is None else known)
-    program = made.program
     units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
     units |= {n: q.unit for n, q in made.compilation.whole_graph.quantities.items() if n in by}
     return RunSensitivity(

@@ -199,3 +199,10 @@ def test_the_command(tmp_path: Path) -> None:
 def test_a_parameter_of_a_block_that_no_output_needs() -> None:
     text = "model A {\n parameter T = 0.1 s\n mode count = 0\n every T { count = count + 1 }\n output x = integral(2*time/1 s, 0 s), n = count\n experiment go { simulate 0 .. 1 s; report x }\n}"
     assert not bondgraph.load(text).sensitivity_of_run(("T",), outputs=("x",)).slopes.any()
+
+
+@pytest.mark.parametrize("name", ["seed_", "point"])
+def test_seeds_and_points_of_tables_have_no_slopes(name: str) -> None:
+    text = "model A {\n parameter seed_ = 3, point = 0.5\n output x = noise(time, 1 s, seed_), y = linear(time/1 s, (0, point, 2), (0, 1, 5))\n}"
+    with pytest.raises(UsageError, match="a seed of noise"):
+        bondgraph.load(text).sensitivity_of_run((name,), to="1 s")
