@@ -36,6 +36,14 @@ class JointOptions(TypedDict, total=False):
     locked: str | bool
 
 
+class BodyOptions(TypedDict, total=False):
+    """Options of a body: its start, and how pictures show it."""
+
+    start: Starts
+    shape: str
+    colour: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Multibody:
     """A planar or spatial mechanism. Numbers are in SI, angles in rad; texts have their own units.
@@ -60,16 +68,19 @@ class Multibody:
     # ------------------------------------------------------------ bodies
     def body(
         self, name: str, *, mass: Value = None, inertia: Value = None, at: Value = None, angle: Value = None,
-        turn: Value = None, start: Starts = None,
+        turn: Value = None, **options: Unpack[BodyOptions],
     ) -> Part:  # fmt: skip
-        """Add a rigid body: kg, kg m^2 about its centre of mass, position of that centre (m), rotation.
+        """Add a rigid body: kg, kg m^2 about its centre of mass, position of that centre (m), rotation; `start`; `shape` and `colour` for pictures.
 
-        In space `inertia` is (Ixx, Iyy, Izz), or six with Ixy, Ixz, Iyz, in the body's own axes, and `turn` a rotation vector.
+        In space `inertia` is (Ixx, Iyy, Izz), or six with Ixy, Ixz, Iyz, in the body's own axes, and `turn` a rotation vector. A shape is a text, such as
+        `"box(20 cm, 4 cm, 2 cm)"`.
         """
+        check_keywords(self.body, options, BodyOptions.__optional_keys__)
         given = {
             "mass": (mass, "kg"), "inertia": (inertia, "kg*m^2"), "at": (at, "m"), "angle": (angle, ""), "turn": (turn, ""),
+            "shape": (options.get("shape"), ""), "colour": (options.get("colour"), ""),
         }  # fmt: skip
-        return self._part("body", name, "", given, {"start": start})
+        return self._part("body", name, "", given, {"start": options.get("start")})
 
     def frame(self, name: str, body: End, *, at: Value, axes: str = "world", start: Starts = None) -> Part:
         """Add a point fixed to a body or the ground; its force, torque and pose in axes of the `world` or the `body`."""

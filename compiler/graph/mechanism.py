@@ -35,6 +35,22 @@ class Inertia:
     yz: Bound = NOTHING
 
 
+SHAPES = {"box": 3, "cylinder": 2, "sphere": 1}  # number of arguments in space
+COLOURS = ("red", "orange", "yellow", "green", "blue", "purple", "brown", "grey", "black", "white")
+
+
+@dataclass(frozen=True, slots=True)
+class Appearance:
+    """Shape and colour of a body in pictures, about its centre of mass in its own axes (m); empty where the text gives none.
+
+    A box has the lengths of its sides, a cylinder its radius and the vector from end to end, a sphere its radius.
+    """
+
+    shape: str = ""
+    sizes: tuple[Bound, ...] = ()
+    colour: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Body:
     """A rigid body: mass (kg), inertia, position of its centre of mass, and rotation of its own axes in the reference configuration.
@@ -49,6 +65,7 @@ class Body:
     turn: Vector
     starts: Mapping[str, Bound]  # "x", "x.f", …: the pose and its rate
     span: Span
+    appearance: Appearance = Appearance()
 
 
 @dataclass(frozen=True, slots=True)

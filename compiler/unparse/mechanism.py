@@ -80,6 +80,14 @@ class _Parts:
         yield from self._at(body.position)
         yield from self._turn(body.turn)
         yield from self._starts(body.starts)
+        look = body.appearance
+        if look.shape:
+            sizes = [self.text(size, METRE) for size in look.sizes]
+            if look.shape == "cylinder":
+                sizes = [sizes[0], f"({', '.join(sizes[1:])})"]
+            yield f"shape = {look.shape}({', '.join(sizes)})"
+        if look.colour:
+            yield f"colour = {look.colour}"
 
     def _inertia(self, body: Body) -> Iterator[str]:
         entries = [self.text(b, MOMENT) for b in inertia_entries(body)]

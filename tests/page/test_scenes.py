@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from base64 import b64decode
 from typing import Any
 
@@ -13,7 +14,7 @@ from bondgraph.presentation.diagram.mechanism_geometry import RIGHT, UP, mechani
 from bondgraph.presentation.page.runs import PageModel
 from bondgraph.presentation.page.scene import scenes_of
 from bondgraph.presentation.page.shapes import modes_data
-from compiler.api import MechanismNode
+from compiler.api import MechanismNode, write_text
 from tests.compiling import MODELS
 
 MECHANISMS = ["manipulator", "crane", "car", "robot_arm", "six_axes", "four_bar", "gyroscope", "end_stops"]
@@ -96,3 +97,73 @@ def test_amplitudes_keep_the_laws() -> None:
         assert effort["bearing"] == pytest.approx(1e-3 * flow["bearing"], abs=1e-6 * size)
         assert effort["supply"] == pytest.approx(0, abs=1e-6 * size)
         assert effort["winding"] + effort["coil"] + effort["motor"] == pytest.approx(0, abs=1e-6 * size)
+
+
+SHAPES = """model Shapes {
+  parameter l = 30 cm
+  multibody arm : spatial {
+    body link { mass = 1 kg, at = (l/2, 0 m, 0 m), turn = (0, 0, 90 deg), shape = box(l, 4 cm, 2 cm), colour = red }
+    body tip  { mass = 1 kg, at = (l, 0 m, 0 m), shape = cylinder(1 cm, (0 m, 20 cm, 0 m)) }
+    body end  { mass = 1 kg, shape = sphere(3 cm), colour = blue }
+    body none { mass = 1 kg, colour = grey }
+    free a : ground to link; free b : ground to tip; free c : ground to end; free d : ground to none
+  }
+  multibody flat {
+    body plate { mass = 1 kg, angle = 30 deg, shape = box(l, 4 cm) }
+    body disc  { mass = 1 kg, shape = sphere(5 cm) }
+    free a : ground to plate; free b : ground to disc
+  }
+}"""
+
+
+def test_shapes_are_those_of_the_text() -> None:
+    compilation = bondgraph.load(SHAPES).compilation()
+    arm, flat = scenes_of(compilation.whole_graph).told
+    link, tip, end, none = arm["bodies"]
+    sizes = [
+        [float(np.linalg.norm(axis)) for axis in body["solid"]["axes"]] for body in (link, tip, end, *flat["bodies"])
+    ]
+    assert sizes == [
+        pytest.approx(s)
+        for s in ([0.15, 0.02, 0.01], [0.01, 0.01, 0.1], [0.03] * 3, [0.15, 0.02, 0.004], [0.05, 0.05, 0.01])
+    ]
+    assert [body["solid"]["round"] for body in (link, tip, end, *flat["bodies"])] == [0, 2, 3, 0, 2]
+    assert link["solid"]["axes"][0] == pytest.approx((0, 0.15, 0)) and tip["solid"]["axes"][2] == pytest.approx(
+        (0, 0.1, 0)
+    )
+    assert flat["bodies"][0]["solid"]["axes"][0] == pytest.approx((0.15 * np.cos(np.pi / 6), 0.075, 0))
+    assert (link["colour"], end["colour"], tip["colour"]) == ("#e57368", "#74a9dc", None)
+    assert (none["given"], none["solid"], none["colour"]) == (False, None, "#b4bbc2")
+    again = scenes_of(bondgraph.load(write_text(compilation.whole_graph)).compilation().whole_graph).told
+    assert again == (arm, flat)
+
+
+@pytest.mark.parametrize("name", ["arm", "flat"])
+def test_a_shape_is_drawn_where_its_corners_are(name: str) -> None:
+    graph = bondgraph.load(SHAPES).compilation().whole_graph
+    node = next(n for n in graph.nodes if n.name == name)
+    assert isinstance(node, MechanismNode)
+    first, _, *more = mechanism_geometry_of(graph, node).limbs
+    turn, half = (np.pi / 2, (0.15, 0.02, 0.01)) if name == "arm" else (np.pi / 6, (0.15, 0.02))
+    c, s = np.cos(turn), np.sin(turn)
+    right, up = (RIGHT, UP) if name == "arm" else ((1, 0, 0), (0, 1, 0))
+    expected = set()
+    for signs in itertools.product((1, -1), repeat=len(half)):
+        x, y, z = (*(h * sign for h, sign in zip(half, signs, strict=True)), 0.0)[:3]
+        point = ((0.15 if name == "arm" else 0) + c * x - s * y, s * x + c * y, z)
+        expected.add(tuple(np.round([np.dot(right, point), np.dot(up, point)], 9) + 0.0))
+    assert {tuple(np.round(p, 9) + 0.0) for line in first.edges for p in line} == expected
+    assert [limb.radius for limb in more] == ([0.03, 0] if name == "arm" else [])
+
+
+@pytest.mark.parametrize(
+    ("given", "code", "words"),
+    [
+        ("shape = box(l, 4 cm)", "BG111", "box(20 cm, 4 cm, 2 cm)"), ("shape = 3", "BG111", "sphere(3 cm)"), ("shape = cone(1 m)", "BG111", "cylinder(1 cm"),
+        ("shape = box(l, 0 m, 2 cm)", "BG140", "positive"), ("shape = sphere(-1 m)", "BG140", "positive"), ("shape = cylinder(1 cm, 2 cm)", "BG111", "cylinder(1 cm, (20 cm"),
+        ("shape = cylinder(1 cm, (0 m, 0 m, 0 m))", "BG140", "positive"), ("shape = sphere(1 kg)", "BG103", ""), ("colour = pink", "BG1", "red, orange"), ("shape = sphere(time*1 [m/s])", "BG106", ""),
+    ],
+)  # fmt: skip
+def test_other_shapes_are_refused(given: str, code: str, words: str) -> None:
+    found = bondgraph.check(SHAPES.replace("shape = sphere(3 cm), colour = blue", given))
+    assert [d.code[: len(code)] for d in found] == [code] and words in found[0].help

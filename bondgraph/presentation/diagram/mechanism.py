@@ -42,7 +42,12 @@ class _Page:
 
     def __init__(self, geometry: MechanismGeometry, behind: MechanismGeometry | None = None) -> None:
         both = [s for s in (geometry, behind) if s is not None]
-        points = [p for s in both for limb in s.limbs for p in (limb.centre, *limb.points, *chain(*limb.outlines))]
+        points = [
+            p
+            for s in both
+            for limb in s.limbs
+            for p in (limb.centre, *limb.points, *chain(*limb.outlines, *limb.edges))
+        ]
         points += [p for s in both for link in s.links for p in (link.first, link.second)] or [(0.0, 0.0)]
         xs, ys = [p[0] for p in points], [p[1] for p in points]
         span = max(max(xs) - min(xs), max(ys) - min(ys))
@@ -56,8 +61,21 @@ class _Page:
     def limb(self, limb: BodyGeometry) -> Group:
         """Return a body: a plate through its joint points, a bar for two points, and the sign of its centre of mass."""
         lines = (Polyline(tuple(map(self.at, line)), "line") for line in limb.outlines)
-        shapes = (self.plate(limb, "body"), *lines, *_mass(self.at(limb.centre)))
+        shapes = (*self.figure(limb), *lines, *_mass(self.at(limb.centre)))
         return Group("limb", shapes, {"name": limb.name}, f"body {limb.name}")
+
+    def figure(self, limb: BodyGeometry) -> Iterator[Shape]:
+        """Yield the shape that the text gives, seen from the front, or a plate through the joint points."""
+        look = limb.colour or "body"
+        if not limb.edges:
+            yield self.plate(limb, look)
+            return
+        if limb.radius:
+            yield Circle(self.at(limb.centre), limb.radius * self.scale, look)
+        else:
+            yield Polyline(tuple(_hull([self.at(point) for line in limb.edges for point in line])), look, True)
+        if len(limb.edges) > 1:
+            yield from (Polyline(tuple(map(self.at, line)), "edge") for line in limb.edges)
 
     def shadow(self, limb: BodyGeometry) -> Group:
         """Return a body in another pose, as an outline."""

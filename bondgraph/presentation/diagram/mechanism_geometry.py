@@ -9,13 +9,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from compiler.api import BondGraph, Bound, Element, Joint, Junction, Kind, MechanismNode, Quantity, evaluate
+from compiler.api import BondGraph, Bound, Element, Joint, Junction, Kind, MechanismNode
+
+from .body_shapes import BALL, BodyShape, outlines_of, shape_of
+from .vectors import ORIGIN, Turn, Vector, circle, number_of, numbers_of, turned
 
 Point = tuple[float, float]
-Vector = tuple[float, float, float]
-Turn = tuple[float, float, float, float]  # a unit quaternion w, x, y, z
-ORIGIN: Vector = (0.0, 0.0, 0.0)
-ROUND = 36  # corners of a circle
 # Directions of the picture's right and up, for a mechanism in space.
 RIGHT, UP = (math.cos(math.radians(25)), -math.sin(math.radians(25)), 0.0), (0.24, 0.33, 0.92)
 
@@ -30,14 +29,20 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceBody:
-    """A body in the reference: its position, the centre of the drawing, its points at joints and frames, its rotation vector, lines on it."""
+    """A body in the reference: its position, the centre of the drawing, its points at joints and frames, its rotation vector, lines on it.
+
+    `shape`: the one that the text gives, with its lines; `colour`: empty if the text gives none.
+    """
 
     name: str
     place: Vector
     centre: Vector
     points: tuple[Vector, ...]
     turn: Vector
-    outlines: tuple[tuple[Vector, ...], ...] = ()
+    outlines: tuple[tuple[Vector, ...], ...]
+    shape: BodyShape | None
+    edges: tuple[tuple[Vector, ...], ...]
+    colour: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +71,15 @@ class ReferenceMechanism:
 
 @dataclass(frozen=True, slots=True)
 class BodyGeometry:
-    """A body: its centre, its points at joints and frames, and lines on it."""
+    """A body: its centre, its points at joints and frames, lines on it, and the edges and the colour of the shape that the text gives."""
 
     name: str
     centre: Point
     points: tuple[Point, ...]
-    outlines: tuple[tuple[Point, ...], ...] = ()
+    outlines: tuple[tuple[Point, ...], ...]
+    edges: tuple[tuple[Point, ...], ...]
+    colour: str
+    radius: float = 0.0  # of a ball (m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +135,13 @@ def reference_of(graph: BondGraph, node: MechanismNode) -> ReferenceMechanism:
         centre = held[0] if place == ORIGIN and len(held) == 1 else place
         rims = [rim_of(graph, j) for j in joints if j.kind == "wheel" and mechanism.body_of(j.second) == item.name]
         outlines = tuple(line for rim in rims for line in rim)
-        bodies.append(ReferenceBody(item.name, place, centre, held, vector(item.turn), outlines))
+        shape = shape_of(graph, item, mechanism.planar)
+        edges = () if shape is None else outlines_of(shape, place, mechanism.planar)
+        bodies.append(
+            ReferenceBody(
+                item.name, place, centre, held, vector(item.turn), outlines, shape, edges, item.appearance.colour
+            )
+        )
     for joint in joints:
         first, second = ends_of(joint)
         if joint.name in floating:
@@ -175,6 +189,9 @@ def mechanism_geometry_of(graph: BondGraph, node: MechanismNode, posed: Sequence
             seen(b.name, b.centre),
             tuple(seen(b.name, p) for p in b.points),
             tuple(tuple(seen(b.name, p) for p in line) for line in b.outlines),
+            tuple(tuple(seen(b.name, p) for p in line) for line in b.edges),
+            b.colour,
+            math.hypot(*b.shape.axes[0]) if b.shape is not None and b.shape.around == BALL else 0.0,
         )
         for b in mechanism.bodies
     )
@@ -191,23 +208,7 @@ def rim_of(graph: BondGraph, joint: Joint) -> list[tuple[Vector, ...]]:
     radius, axle = number_of(graph, joint.ratio), numbers_of(graph, joint.axis)
     axles = [(0.0, 0.0, 1.0)] if joint.planar else [axle] if any(axle) else [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)]
     centre = numbers_of(graph, joint.position)
-    return [(centre, *_circle(centre, axle, radius)) for axle in axles]
-
-
-def _circle(centre: Vector, axle: Vector, radius: float) -> Iterator[Vector]:
-    """Yield points of a circle about an axle."""
-    least = min(range(3), key=lambda i: abs(axle[i]))
-    b = _cross(axle, (float(least == 0), float(least == 1), float(least == 2)))
-    c = _cross(axle, b)
-    sides = [tuple(radius * x / math.hypot(*v) for x in v) for v in (b, c)]
-    for i in range(ROUND + 1):
-        cosine, sine = math.cos(2 * math.pi * i / ROUND), math.sin(2 * math.pi * i / ROUND)
-        x, y, z = (p + cosine * v + sine * w for p, v, w in zip(centre, *sides, strict=True))
-        yield x, y, z
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return [(centre, *circle(centre, axle, radius)) for axle in axles]
 
 
 def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -229,29 +230,3 @@ def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tup
                 around = [e.node for b in graph.incident[place] for e in (graph.bonds[b].tail, graph.bonds[b].head)]
                 waiting += [n for n in around if n not in seen]
     yield from ((joint, tuple(dict.fromkeys(names))) for joint, names in found.items())
-
-
-def numbers_of(graph: BondGraph, bounds: Sequence[Bound]) -> Vector:
-    """Return three numbers from the text; numbers unknown before a run count as zero."""
-    x, y, z = (number_of(graph, bound) for bound in bounds)
-    return x, y, z
-
-
-def number_of(graph: BondGraph, bound: Bound) -> float:
-    """Return a number from the text; numbers unknown before a run count as zero."""
-
-    def value(key: object) -> float:
-        if isinstance(key, float):
-            return key
-        named = graph.quantities.get(key.name) if isinstance(key, Quantity) else None
-        return 0.0 if named is None or named.value is None else named.value
-
-    return evaluate(bound.expression, value)
-
-
-def turned(turn: Turn, point: Vector) -> Vector:
-    """Return a vector rotated by a unit quaternion."""
-    w, x, y, z = turn
-    a, b, c = point
-    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx

@@ -11,7 +11,7 @@ from ...errors import MissingPackage, UsageError
 from ...files import replacing, write_text
 from ..text.tables import visible
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
-from .styles import GROUND, MARKS, STYLES, Style
+from .styles import GROUND, MARKS, SHAPE_STYLES, STYLES, Style
 from .svg import svg_text
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
 def _draw(axes: Axes, shape: Shape, group: Group) -> None:
     from matplotlib import patches
 
-    look = STYLES[shape.look]
+    look = {**STYLES, **SHAPE_STYLES}[shape.look]
     colour = MARKS[group.mark] if group.mark and look.marked else look.colour
     match shape:
         case Polyline(points, _, closed):

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from compiler.api import BondGraph, MechanismNode, Scene, write_text
 
 from ...compiled_model import CompiledModel, source_of
-from .mechanism_geometry import Pose, Turn, Vector, numbers_of
+from .mechanism_geometry import Pose
+from .vectors import Turn, Vector, numbers_of, quaternion
 
 PLANE, SPACE = ("x", "y", "phi"), ("x", "y", "z", "attitude.w", "attitude.x", "attitude.y", "attitude.z")
 
@@ -65,13 +66,6 @@ def _pose(reference: Vector, values: list[float]) -> Pose:
         x, y, z, *attitude = values
         place, now = (x, y, z), tuple(v / length for v in attitude)
     return Pose(place, _after(now, (w, *(-v for v in axis))))
-
-
-def quaternion(turn: Vector) -> Turn:
-    """Return the unit quaternion of a rotation vector."""
-    angle = math.hypot(*turn)
-    share = math.sin(angle / 2) / angle if angle else 0.5
-    return math.cos(angle / 2), share * turn[0], share * turn[1], share * turn[2]
 
 
 def _after(p: Sequence[float], q: Sequence[float]) -> Turn:

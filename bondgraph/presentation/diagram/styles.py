@@ -15,9 +15,15 @@ INK, PALE, GROUND = "#1c1c1c", "#6a6a6a", "#ffffff"
 MARKS: Mapping[str, str] = {"derivative": "#c44a00", "loop": "#0068b0"}
 
 # Replacement of each colour on a dark page.
+# Colours that a text gives to bodies: of their faces; their edges are darker.
+FILLS = {
+    "red": "#e57368", "orange": "#f0a35e", "yellow": "#ecd163", "green": "#7cc08a", "blue": "#74a9dc", "purple": "#b492cf", "brown": "#b08a6a",
+    "grey": "#b4bbc2", "black": "#50575e", "white": "#f4f4f2",
+}  # fmt: skip
 DARK: Mapping[str, str] = {
     INK: "#e8e8e8", PALE: "#a2a8ad", GROUND: "#16191c", "#9a9a9a": "#6d7378", "#5b6b7a": "#9db0c2", "#dfe6ec": "#2c3944", "#f1f1f1": "#2a2e31",
     "#8a4b00": "#e2a14e", "#c44a00": "#ff9a5c", "#0068b0": "#5eb6f5",
+    **{fill: fill for fill in FILLS.values()},
 }  # fmt: skip
 
 
@@ -60,4 +66,9 @@ STYLES: Mapping[str, Style] = {
     "number": Style(PALE, size=10.0, face="sans", marked=False),
     "note": Style(PALE, size=PORT, face="sans", marked=False),
     "ground": Style(GROUND, filled=True, marked=False),
+}
+# Of the shapes that a text gives to bodies: a picture without them has no rules of them.
+SHAPE_STYLES: Mapping[str, Style] = {
+    "edge": Style("#5b6b7a", 0.8),
+    **{name: Style("#5b6b7a", 1.3, filled=True, inside=fill) for name, fill in FILLS.items()},
 }

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
-from .styles import DARK, MARKS, STYLES, Style
+from .styles import DARK, MARKS, SHAPE_STYLES, STYLES, Style
 
 FACES = {
     "serif": "'STIX Two Text','Times New Roman',Times,'Liberation Serif','DejaVu Serif',serif",
@@ -19,9 +19,10 @@ def svg_text(figure: Figure, rules: bool = True) -> str:
     return "\n".join(_lines(figure, rules)) + "\n"
 
 
-def style_rules() -> str:
-    """Return the styles as CSS rules, in light and dark; they apply inside the picture only."""
-    return f"{''.join(_rules())}@media (prefers-color-scheme:dark){{{''.join(_dark_rules())}}}"
+def style_rules(shapes: Mapping[str, Style] = SHAPE_STYLES) -> str:
+    """Return the styles, with these of shapes of bodies, as CSS rules, in light and dark; they apply inside the picture only."""
+    styles = {**STYLES, **shapes}
+    return f"{''.join(_rules(styles))}@media (prefers-color-scheme:dark){{{''.join(_dark_rules(styles))}}}"
 
 
 def _lines(figure: Figure, rules: bool) -> Iterator[str]:
@@ -31,22 +32,23 @@ def _lines(figure: Figure, rules: bool) -> Iterator[str]:
     yield f'<svg xmlns="http://www.w3.org/2000/svg" class="bondgraph" {size} role="img">'
     yield f"<title>{_words(figure.title)}</title>"
     if rules:
-        yield f"<style>{style_rules()}</style>"
+        looks = {shape.look for group in figure.groups for shape in group.shapes}
+        yield f"<style>{style_rules({name: SHAPE_STYLES[name] for name in SHAPE_STYLES if name in looks})}</style>"
     yield f'<rect class="ground" width="{_n(figure.width)}" height="{_n(figure.height)}"/>'
     for group in figure.groups:
         yield from _group(group)
     yield "</svg>"
 
 
-def _rules() -> Iterator[str]:
-    for name, look in STYLES.items():
+def _rules(styles: Mapping[str, Style]) -> Iterator[str]:
+    for name, look in styles.items():
         yield f".bondgraph .{name}{{{_rule(look)}}}"
     yield from _marked(MARKS)
 
 
-def _dark_rules() -> Iterator[str]:
+def _dark_rules(styles: Mapping[str, Style]) -> Iterator[str]:
     """Yield the rules of the colours alone."""
-    for name, look in STYLES.items():
+    for name, look in styles.items():
         fill = "none" if not look.filled and not look.size else DARK[look.inside or look.colour]
         stroke = f"stroke:{DARK[look.colour]}" * (not look.size and look.width > 0)
         yield f".bondgraph .{name}{{fill:{fill};{stroke}}}"

@@ -1,7 +1,7 @@
 """Mechanisms of an animated page: points fixed to bodies in the reference, and the names of the poses that a run reports.
 
 The page rotates points with their bodies, as `diagram/mechanism_geometry.py` does for a picture, and draws them again at each instant.
-A body in space is seen as the box or cylinder that has its mass and inertia: a text says no more of its shape.
+A body has the shape that its text gives; one in space without a shape is seen as the box or cylinder that has its mass and inertia.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from compiler.api import Body, BondGraph, MechanismNode
+from compiler.api import BondGraph, MechanismNode
 
-from ..diagram.mechanism_geometry import Vector, number_of, numbers_of, reference_of, turned
-from ..diagram.poses import mechanisms_of, pose_parts, quaternion
-
-ALIKE = 1e-6  # relative: moments of inertia that count as equal
+from ..diagram.body_shapes import BodyShape, solid_of
+from ..diagram.mechanism_geometry import reference_of
+from ..diagram.poses import mechanisms_of, pose_parts
+from ..diagram.styles import FILLS
+from ..diagram.vectors import number_of, numbers_of, quaternion
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,9 @@ def _scene(graph: BondGraph, node: MechanismNode) -> dict[str, Any]:
             "outlines": b.outlines,
             "turn": quaternion(b.turn),
             "heavy": number_of(graph, own.mass) > 0,
-            "solid": None if mechanism.planar else _solid(graph, own),
+            "solid": _solid(b.shape or (None if mechanism.planar else solid_of(graph, own))),
+            "given": b.shape is not None,
+            "colour": FILLS.get(b.colour),
         }
         for b, own in zip(mechanism.bodies, node.mechanism.bodies, strict=True)
     ]
@@ -69,6 +72,10 @@ def _scene(graph: BondGraph, node: MechanismNode) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _solid(shape: BodyShape | None) -> dict[str, Any] | None:
+    return None if shape is None else {"round": shape.around, "axes": shape.axes}
+
+
 def _up(graph: BondGraph, node: MechanismNode) -> Sequence[float]:
     """Return the direction that a picture has upwards: in space against gravity, else z; in the plane y."""
     if node.mechanism.planar:
@@ -76,24 +83,3 @@ def _up(graph: BondGraph, node: MechanismNode) -> Sequence[float]:
     weight = numbers_of(graph, node.mechanism.gravity)
     size = math.hypot(*weight)
     return [-w / size for w in weight] if 0 < size < math.inf else (0.0, 0.0, 1.0)
-
-
-def _solid(graph: BondGraph, body: Body) -> dict[str, Any] | None:
-    """Return the box (`round` 0), cylinder (2) or ball (3) with the mass and inertia of a body: halves of its sides, a cylinder's axis last."""
-    import numpy as np
-
-    mass, own = number_of(graph, body.mass), body.inertia
-    rows = ((own.xx, own.xy, own.xz), (own.xy, own.yy, own.yz), (own.xz, own.yz, own.zz))
-    tensor = np.array([numbers_of(graph, row) for row in rows])
-    if not (mass > 0 and np.isfinite(tensor).all() and tensor.any()):
-        return None
-    moments, axes = np.linalg.eigh(tensor)
-    if moments[1] - moments[0] > ALIKE * moments[2]:  # two equal moments come first
-        moments, axes = moments[[1, 2, 0]], axes[:, [1, 2, 0]]
-    alike = ALIKE * moments.max()
-    around = 0 if moments[1] - moments[0] > alike else 3 if abs(moments[2] - moments[0]) <= alike else 2
-    squares = np.maximum(1.5 / mass * (moments.sum() - 2 * moments), 0.0)
-    squares[:around] *= {0: 1.0, 2: 4 / 3, 3: 5 / 3}[around]
-    frame = quaternion(numbers_of(graph, body.turn))
-    sides: list[Vector] = [turned(frame, tuple(side)) for side in (axes * np.sqrt(squares)).T.tolist()]
-    return {"round": around, "axes": sides}

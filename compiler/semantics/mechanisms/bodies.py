@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from ...algebra.formula import Bound
 from ...graph.inertia import ROUNDING, is_impossible, principal_moments
-from ...graph.mechanism import GROUND, Body, Frame, Inertia
+from ...graph.mechanism import COLOURS, GROUND, SHAPES, Appearance, Body, Frame, Inertia
 from ...graph.units import KILOGRAM, METRE
 from ...syntax import tree
 from ..names.errors import UnknownName, WrongMechanism, WrongType
 from ..names.part_kinds import noun_of
 from ..names.scope import Array, Broken, MechanismEntry, PartEntry, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
-from ..resolution.conditions import known_or_later, not_negative, takes_energy
-from .part_attributes import PartAttributes, counted, of_dimension, static
+from ..resolution.conditions import known_or_later, not_negative, not_zero, takes_energy
+from .part_attributes import PartAttributes, counted, of_dimension, static, static_bounds
 
 MOMENT = KILOGRAM * METRE**2
+IN_THE_PLANE = "Write `shape = box(20 cm, 4 cm)` or `sphere(3 cm)`."
+IN_SPACE = "Write `shape = box(20 cm, 4 cm, 2 cm)`, `cylinder(1 cm, (20 cm, 0 m, 0 m))` or `sphere(3 cm)`."
 
 
 def read_body(reader: PartAttributes) -> Body:
@@ -25,14 +27,45 @@ def read_body(reader: PartAttributes) -> Body:
         words = ", ".join(("mass", "inertia", "at", "angle" if part.planar else "turn"))
         what = f"The body `{name}` has a definition"
         raise Wrong(WrongMechanism(definition.span, what, f"A body has attributes in braces: {words}."))
-    mass, inertia, position, turn, starts = reader.together(
+    mass, inertia, position, turn, starts, appearance = reader.together(
         lambda: _not_negative(reader, "mass", reader.scalar("mass", KILOGRAM)),
         lambda: _planar_inertia(reader) if part.planar else _inertia(reader),
         lambda: reader.point("at"),
         reader.turn,
         reader.starts,
+        lambda: _appearance(reader),
     )
-    return Body(name, mass, inertia, position, turn, starts, part.entry.span)
+    return Body(name, mass, inertia, position, turn, starts, part.entry.span, appearance)
+
+
+def _appearance(reader: PartAttributes) -> Appearance:
+    """Shape and colour of a body in pictures. Raises `Wrong`."""
+    colour = reader.word("colour", ("", *COLOURS), f"Colours: {', '.join(COLOURS)}.")
+    attribute, planar = reader.given.get("shape"), reader.part.planar
+    if attribute is None:
+        return Appearance(colour=colour)
+    hint = IN_THE_PLANE if planar else IN_SPACE
+    call, counts = attribute.value, {"box": 2, "sphere": 1} if planar else SHAPES
+    if not isinstance(call, tree.Call) or len(call.arguments) != counts.get(call.function):
+        raise Wrong(WrongType(call.span, "A shape", f"`{call.span.words}`", hint))
+    sizes: list[Bound] = []
+    for number, argument in enumerate(call.arguments):
+        count = 3 if call.function == "cylinder" and number else 1
+        lengths = static_bounds(
+            reader.resolver, argument, reader.part.scope, METRE, f"`{argument.span.words}`", count, hint
+        )
+        words = f"shape of {reader.part.entry.name}"
+        values = known_or_later(reader.resolver, lengths, argument.span, words, not_zero if count > 1 else list)
+        if values is not None and not (any(values) and (count > 1 or values[0] > 0)):
+            raise Wrong(
+                WrongMechanism(
+                    argument.span,
+                    f"The shape of `{reader.part.entry.name}` has no size",
+                    "Lengths of a shape are positive.",
+                )
+            )
+        sizes += lengths
+    return Appearance(call.function, tuple(sizes), colour)
 
 
 def _not_negative(reader: PartAttributes, word: str, bound: Bound) -> Bound:

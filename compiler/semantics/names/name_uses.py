@@ -25,7 +25,7 @@ from .domain_table import ELEMENT_KINDS, is_slot, slot_defaults
 from .scope import FileScope, ModelDefinition
 
 READ_BY_LAWS = ("parameter", "constant", "input", "signal", "solve", "mode", "index", "argument")  # kinds of numbers
-_WORDED = ("prefer", "require", "axes")  # attributes whose values are words of the language
+_WORDED = ("prefer", "require", "axes", "colour")  # attributes whose values are words of the language
 _STEP = re.compile(r"\[|\]|\.\s*([A-Za-z_]\w*)", re.ASCII)
 
 

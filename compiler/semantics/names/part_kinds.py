@@ -12,7 +12,7 @@ COORDINATE = ("start", "limits", "rest", "locked")  # of a joint that leaves som
 # Rotation: `angle` in the plane, `turn = (rx, ry, rz)`, a rotation vector, in space. Axes are named in space:
 # `along` for translation, `about` for rotation.
 PLANAR: Mapping[str, tuple[str, ...]] = {
-    "body": ("mass", "inertia", "at", "angle", "start"),
+    "body": ("mass", "inertia", "at", "angle", "start", "shape", "colour"),
     "frame": ("at", "axes", "start"),
     "slide": ("along", "at", *COORDINATE),
     "hinge": ("at", *COORDINATE),
@@ -26,7 +26,7 @@ PLANAR: Mapping[str, tuple[str, ...]] = {
     "skate": ("along", "at"),
 }
 SPATIAL: Mapping[str, tuple[str, ...]] = {
-    "body": ("mass", "inertia", "at", "turn", "start"),
+    "body": ("mass", "inertia", "at", "turn", "start", "shape", "colour"),
     "frame": ("at", "axes", "start"),
     "slide": ("along", "at", *COORDINATE),
     "hinge": ("about", "at", *COORDINATE),

@@ -1,6 +1,7 @@
 // A mechanism that moves in space: bodies, joints and springs as solids, turned by the reader; points turn with their bodies.
 
 const TINTS = ["#a9cdea", "#f5c6a2", "#a5dcc6", "#e5bdd6", "#c2dfef", "#e6d29c", "#c6cdd3"].map(rgb);
+const CORNERS = [[1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1]];  // of a box, but for their opposites
 const JOINT = rgb("#6a7783"), STAND = rgb("#a7afb7"), SPRING = rgb("#b9680f"), HEAVY = rgb("#4c5761"), TRACE = rgb("#d55e00"), THIN = rgb("#8a949d"), AXES = ["#c8443c", "#3f9a52", "#3c72c8"].map(rgb);
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 function rgb(hex) { return [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)); }
@@ -82,10 +83,10 @@ class Stage {
   some(most) { const step = Math.max(1, Math.floor(this.count / most)); return Array.from({ length: Math.ceil(this.count / step) }, (_, i) => i * step); }
 
   // Points that a body fills at rest.
-  filled(body) { return [body.centre, ...body.points, ...body.outlines.flat(), ...(this.thick(body) ? body.solid.axes.flatMap((axis) => [plus(body.centre, axis), plus(body.centre, axis, -1)]) : [])]; }
+  filled(body) { return [body.centre, ...body.points, ...body.outlines.flat(), ...(this.thick(body) ? (body.given ? CORNERS.map((signs) => signs.reduce((sum, sign, k) => plus(sum, body.solid.axes[k], sign), [0, 0, 0])) : body.solid.axes).flatMap((axis) => [plus(body.centre, axis), plus(body.centre, axis, -1)]) : [])]; }
 
   // A solid of the same mass and inertia; one beyond the mechanism, as of a rotor behind its gear, says nothing of a shape.
-  thick({ solid }) { return solid && !(this.span > 0 && Math.max(...solid.axes.map((a) => Math.hypot(...a))) > 1.5 * this.span); }
+  thick({ solid, given }) { return given || solid && !(this.span > 0 && Math.max(...solid.axes.map((a) => Math.hypot(...a))) > 1.5 * this.span); }
 
   sizes() {
     const rest = this.scene.bodies.flatMap((b) => [b.centre, ...b.points, ...b.outlines.flat()]).concat(this.scene.links.flatMap((l) => l.ends.map((e) => e.at)));
@@ -226,7 +227,7 @@ class Stage {
     this.view = (p) => plus(scaled(plus(this.way(plus(p, this.middle, -1)), this.centre, -1), this.scale), [(width / 2 + this.shift[0]) * fine, (height / 2 + this.shift[1]) * fine, 0]);
     const { scene, solids } = this, poses = this.all(place), seen = (b, p) => this.view(this.at(poses, b, p));
     solids.begin(width * fine, height * fine);
-    scene.bodies.forEach((body, b) => this.body(body, this.shapes[b], TINTS[b % TINTS.length], (p) => seen(b, p), (v) => this.way(turned(poses[b].turn, v))));
+    scene.bodies.forEach((body, b) => this.body(body, this.shapes[b], body.colour ? rgb(body.colour) : TINTS[b % TINTS.length], (p) => seen(b, p), (v) => this.way(turned(poses[b].turn, v))));
     for (const link of scene.links) this.link(link, ...link.ends.map((e) => seen(e.body, e.at)), this.way(this.along(poses, link.axis_of, link.axis)));
     for (const { body, at } of scene.marks) this.cross(seen(body, at), 1.4 * this.thin * this.scale, (v) => this.way(this.along(poses, body, v)));
     if (this.traces.checked) for (const way of this.ways) this.solids.line(way.map(([, p]) => this.view(p)), 3, TRACE);
@@ -257,15 +258,16 @@ class Stage {
 
   body(body, shape, tint, seen, way) {
     const s = this.scale, thin = this.thin * s, centre = seen(body.centre);
+    if (body.given) shape = { rods: [] };
     if (shape.plate) this.solids.prism(shape.plate.map(seen), scaled(way(shape.thickness), s), tint);
     for (const rod of shape.rods) this.solids.rod(...rod.map(seen), 0.55 * thin, scaled(tint, 0.85));
     for (const line of body.outlines) this.solids.line(line.map(seen), 4, HEAVY);
     if (this.thick(body)) {
       const axes = body.solid.axes.map((axis) => scaled(way(axis), s));
       if (body.solid.round === 3) this.solids.ball(centre, Math.hypot(...axes[0]), tint);
-      else this.solids[body.solid.round === 2 ? "cylinder" : "box"](centre, axes, tint, 0.45);
+      else this.solids[body.solid.round === 2 ? "cylinder" : "box"](centre, axes, tint, body.given ? 0.85 : 0.45);
     }
-    if (body.heavy) this.solids.ball(centre, (shape.plate || shape.rods.length || body.solid ? 0.55 : 1) * thin, HEAVY);
+    if (body.heavy && !body.given) this.solids.ball(centre, (shape.plate || shape.rods.length || body.solid ? 0.55 : 1) * thin, HEAVY);
   }
 
   link(link, first, second, axis) {
