@@ -540,20 +540,36 @@ def test_a_condition_whose_branch_changes_with_it_is_judged_anew(target: str) ->
     assert run(text, 10.0, target=target).final("count") == 1
 
 
+def begun(values: Any, said: int = 0) -> tuple[list[int], bool]:
+    """The places of the grid beside which a part that begins a step is searched, and True if it is clear of crossings."""
+    form = COEFFICIENTS @ values
+    part: Any = SimpleNamespace(
+        root_count=1, values=values, form=form, grid=ON_GRID @ form, error=[0.0], floor=[0.0], said=[said], dips=[0] * len(FINER), dipping=[0],
+        root_form=form, root_floor=[0.0], root_strict=[1], root_said=[said],
+    )  # fmt: skip
+    mark_dips(part, 0, 1)
+    return [i for i, dip in enumerate(part.dips) if dip == SEARCHED], keeps_away(part, 0, 0, 0.0)
+
+
 def test_a_window_between_any_places_of_the_grid_is_searched() -> None:
     """Near the ends of a part the places are apart as 1, 3, 5: of windows of a sine, 1e-4 of its period, one in 6000 was passed there."""
     passed = []
     for place in [*np.linspace(1e-5, 0.02, 400), *np.linspace(0.45, 0.5, 100)]:
         for at in (float(place), 1 - float(place)):
-            values = (SHARES - at) ** 2 - 1e-11
-            form = COEFFICIENTS @ values
-            part: Any = SimpleNamespace(
-                root_count=1, values=values, form=form, grid=ON_GRID @ form, error=[0.0], floor=[0.0], dips=[0] * len(FINER), dipping=[0],
-                root_form=form, root_floor=[0.0], root_strict=[1], root_said=[0],
-            )  # fmt: skip
-            mark_dips(part, 0, 0)
-            around = [i for i, dip in enumerate(part.dips) if dip == SEARCHED]
-            seen = any(FINER[max(i - 1, 0)] <= at <= FINER[min(i + 1, len(FINER) - 1)] for i in around)
-            if not (seen and not keeps_away(part, 0, 0, 0.0)):
+            around, clear = begun((SHARES - at) ** 2 - 1e-11)
+            beside = [FINER[max(i - 1, 0)] <= at <= FINER[min(i + 1, len(FINER) - 1)] for i in around]
+            if clear or not any(beside):
                 passed.append(at)
     assert not passed
+
+
+@pytest.mark.parametrize("width", [1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_window_at_the_beginning_of_a_step_is_searched(width: float, sign: int) -> None:
+    """A unit passed those that begin at a step of its importer, 48 of 108: the root there is zero, or on the other side by rounding."""
+    said = int(sign < 0)
+    for start in (0.0, 1e-20, -1e-20):
+        around, clear = begun(sign * (SHARES * (SHARES - width) + start), said)
+        assert around == [0] and not clear
+        around, _ = begun(sign * (SHARES * (SHARES + width) + start), said)  # what an event has left goes its way
+        assert around == []

@@ -117,7 +117,7 @@ def mark_dips(k: IndicatorWorkspace, j: int, begins: int) -> None:
         here = abs(k.grid[place * m + j])
         mark = 1 if here < margin else 0
         if place == 0 and begins != 0 and abs(k.values[j]) <= LEFT * k.floor[j]:
-            mark = 0
+            mark = SEARCHED if k.floor[j] == 0.0 and turns_beside(k, j, place) else 0
         elif place == 0 or place == GRID:
             mark = SEARCHED if turns_beside(k, j, place) else mark
         else:
@@ -136,7 +136,7 @@ def turns_beside(k: IndicatorWorkspace, j: int, place: int) -> bool:
     m = k.root_count
     beside = k.grid[(1 if place == 0 else GRID - 1) * m + j]
     inwards = slope_inwards(k.form[j:], m, 1 if place == 0 else 0)
-    return turns(k.grid[place * m + j], beside, inwards, SURE * k.error[j])
+    return turns(k.grid[place * m + j], beside, inwards, SURE * k.error[j], k.said[j])
 
 
 def keep_dips(k: IndicatorWorkspace) -> None:

@@ -101,10 +101,10 @@ def keeps_away(s: IntegratorWorkspace, j: int, part: int, margin: float) -> bool
             place == GRID or (place == 0 and (part > 0 or abs(value) > LEFT * s.root_floor[j]))
         ):
             return False
-        if place == 1 and (part > 0 or abs(beside) > LEFT * s.root_floor[j]):
-            if turns(beside, value, slope_inwards(s.root_form, 1, 1), margin):
+        if place == 1 and (part > 0 or s.root_floor[j] == 0.0 or abs(beside) > LEFT * s.root_floor[j]):
+            if turns(beside, value, slope_inwards(s.root_form, 1, 1), margin, s.root_said[j]):
                 return False
-        if place == GRID and turns(value, beside, slope_inwards(s.root_form, 1, 0), margin):
+        if place == GRID and turns(value, beside, slope_inwards(s.root_form, 1, 0), margin, s.root_said[j]):
             return False
         after = abs(value)
         if place > 1 and here <= before and here <= after and here < max(before, after):
@@ -124,10 +124,14 @@ def slope_inwards(form: Floats, stride: int, at_start: int) -> float:
     return total
 
 
-def turns(end: float, beside: float, inwards: float, margin: float) -> bool:
-    """Return True if a polynomial may come within a margin of zero between an end, with its slope inwards, and the place beside it, farther from zero."""
-    falls = -inwards if end > 0.0 else inwards
-    return falls > 0.0 and abs(end) <= abs(beside) and abs(end) - 0.5 * falls * FIRST < margin
+def turns(end: float, beside: float, inwards: float, margin: float, said: int) -> bool:
+    """Return True if a polynomial may come within a margin of zero between an end, with its slope inwards, and the place beside it, farther from zero.
+
+    What is `said` of the condition tells from which side: at zero a step may begin without an event, as at the step of an importer.
+    """
+    before = -end if said != 0 else end
+    falls = inwards if said != 0 else -inwards
+    return falls > 0.0 and abs(end) <= abs(beside) and before - 0.5 * falls * FIRST < margin
 
 
 def is_wrong(s: IntegratorWorkspace, j: int, root: float) -> bool:
