@@ -282,12 +282,15 @@ class LinearizedDynamics:
     def _pairs(self, number: int, stretch: Segment) -> list[Parts]:
         """Return pairs of parts of a segment, between the reported instants."""
         inside = self.instants[(self.instants > stretch.start) & (self.instants < stretch.stop)].tolist()
-        grid = [stretch.start, *inside, stretch.stop]
-        if not stretch.stop > stretch.start:
-            return []
-        if len(grid) % 2 == 0:
-            grid.insert(-1, (grid[-2] + grid[-1]) / 2)
-        return [(number, *grid[i : i + 3]) for i in range(0, len(grid) - 2, 2)]
+        grid, pairs, i = [stretch.start, *inside, stretch.stop], list[Parts](), 0
+        while i + 1 < len(grid) and stretch.stop > stretch.start:
+            a, m, *after = grid[i : i + 3]
+            is_pair = (
+                bool(after) and 0.5 <= (after[0] - m) / (m - a) <= 2
+            )  # beside a much shorter part one is not halved
+            pairs.append((number, a, m, after[0]) if is_pair else (number, a, (a + m) / 2, m))
+            i += 1 + is_pair
+        return pairs
 
     def _halves(self, number: int, start: float, middle: float, stop: float) -> tuple[Parts, Parts]:
         """Return both parts with halves of their own. Raises `RunFailed`."""

@@ -135,6 +135,17 @@ def test_what_a_run_leaves_open_stays_open() -> None:
     assert sizes[-1] < 1e-2 * OPEN * sizes[0] and sizes[-2] > 1e-6 * sizes[0]
 
 
+def test_an_instant_just_beside_a_reported_one() -> None:
+    """The step is at 0.3 s, the fourth instant one rounding later: the part up to the next one was taken in one step, ten time constants long."""
+    model = bondgraph.load(DECAY.replace("C: F = 0.5", "C: F = 5e-3").replace("t0 = 0.7 s", "t0 = 0.3 s"))
+    found = model.sensitivity_of_run(("C",), None, to=0.5, points=6)
+    late = found.time - 0.3
+    exact = 3 * np.exp(-found.time / 0.01) * found.time / 0.01 - np.where(
+        late > 0, 5 * np.exp(-late / 0.01) * late / 0.01, 0
+    )
+    assert found.time[3] > 0.3 and found.of("u", "C") == pytest.approx(exact / 5e-3, abs=1e-8 * 1e3)
+
+
 def test_instants_that_meet_and_part() -> None:
     """Two steps at 1 s, of which only one moves with the parameter: there is a derivative to each side, and none."""
     text = DECAY.replace("u = U*step(time - t0)", "u = U*step(time - 0.7 s) + U*step(time - t0)")
