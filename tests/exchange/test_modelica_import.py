@@ -298,11 +298,12 @@ def test_events_are_those_of_modelica(when: str) -> None:
     assert result["n"][-1] == COUNTS[when]
 
 
-def test_an_imported_model_drives_bonds() -> None:
-    text = imported(FILES[[p.stem for p in FILES].index("sampled")].read_text(encoding="utf-8"))
-    drive = (
-        text
-        + "\nmodel Plant {\n  Sampled c\n  MSe s : F = c.x*1 N\n  I m : p = 2 kg*v\n  s -> m\n  output p = m.p\n}\n"
-    )
-    result = bondgraph.load(drive, "Plant").simulate(to="3 s", points=3)
-    assert result["p"][-1] == pytest.approx(2.6, rel=0.2)
+def test_bonds_reach_an_imported_model() -> None:
+    """A motor turns a wheel in oil: its speed is the flow of a bond, whose effort is its load. The oil adds to the friction of its own."""
+    text = (Path(__file__).parent / "flat_modelica" / "dc_motor.bg").read_text(encoding="utf-8")
+    plant = "model Plant {\n  DCMotor m { load = shaft.M }\n  MSf shaft : omega = m.w\n  R oil : M = 2 [mN*m*s]*omega\n  shaft -> oil\n  output w = m.w\n}\n"
+    speeds = [
+        bondgraph.load(t, name).simulate(None, settings=s, to=0.1, points=5)["w"]
+        for t, name, s in ((text + plant, "Plant", {}), (text, None, {"b": "2.1 [mN*m*s]"}))
+    ]
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-5)

@@ -141,10 +141,10 @@ class _EventFinder:
             every = (period, REPLACED["mod", 2](start, period))
             half = Term("sum", "+-", (start, Term("product", "*/", (period, Term("number", "2")))))
             begun = Term("compare", ">", (named("time"), half))
-            held = {
+            gated = {
                 n: Term("choice", "", (begun, t, Term("call", "pre", (named(n),)))) for n, t in when.settings.items()
             }
-            when = replace(when, settings=held)
+            when = replace(when, settings=gated)
         ordered: dict[str, Term] = {}
         waiting, own = dict(when.settings), when.settings.keys() & self.form.modes.keys()
         while waiting:

@@ -174,7 +174,10 @@ class _ModelWriter:
         yield "}"
 
     def _experiment(self) -> Iterator[str]:
-        facts, seconds = self.model.experiment, "" if self.dimensions.is_plain else " [s]"
+        facts, seconds = (
+            self.model.experiment,
+            "" if self.dimensions.is_plain else " [s]" if "s" in self.names.values() else " s",
+        )
         if "StopTime" in facts or self.sorted.starts.is_rest:
             begin, end = (number_text(facts.get(n, d)) for n, d in (("StartTime", 0.0), ("StopTime", 1.0)))
             options = f" {{ rtol = {facts['Tolerance']:g} }}" if 1e-13 <= facts.get("Tolerance", 0) <= 1e-2 else ""
