@@ -22,7 +22,7 @@ def import_modelica(source: Source) -> str:
             (0, 0), "expressions are nested too deep, with what they read in the place of names", "Name their parts."
         )
     model.stop()
-    return format_text(Source(source.name, text))
+    return format_text(Source(f"{source.name}, imported", text))
 
 
 def _translated(model: FlatModel) -> str:

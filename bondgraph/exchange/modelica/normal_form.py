@@ -91,8 +91,10 @@ class _Normalizer:
             self._check_name(term)
         elif term.kind not in KINDS and not (term.kind == "named" and term.word in ("actual", "simplified")):
             self.model.refuse(original, f"an expression of the kind `{term.kind}` cannot be imported", SCALARS)
-        elif term.kind == "number" and float(term.word) == 0:
-            return ZERO
+        elif (term.kind == "number" and float(term.word) == 0) or (
+            term.kind == "product" and any(s == "*" and p == ZERO for s, p in zip(term.word, parts, strict=True))
+        ):
+            return ZERO  # of any unit
         elif term.kind == "number" and isinf(float(term.word)):
             self.model.refuse(original, f"`{term.word}` is too large a number", "Numbers have at most 308 digits.")
         elif term.kind == "call":

@@ -17,6 +17,7 @@ from .tree import ComponentDeclaration, Term, is_call, names_in, walk
 
 ONE, SECOND = (Dimension(tuple(Fraction(int(i == base)) for i in range(7))) for base in (-1, 2))
 ROUNDS = 30  # through all equations
+LARGEST = 8  # exponent of a unit that is taken
 LONGEST_UNIT = 100  # characters
 
 
@@ -100,7 +101,7 @@ class Dimensions:
         """Take a dimension for what is open in a term."""
         if dimension is None or not self.is_open(term):
             return
-        if term.kind == "name":
+        if term.kind == "name" and all(abs(e) <= LARGEST and e.denominator <= 2 for e in dimension.exponents):
             self.set(term.word, dimension)
         elif is_alike(term):
             for part in alike_parts(term):
