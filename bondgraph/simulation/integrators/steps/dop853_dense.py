@@ -33,14 +33,7 @@ def densify_between(s: IntegratorWorkspace, start: float, stop: float, first: Fl
     n = s.n
     size = stop - start
     for stage in range(STAGES + 1, ALL_STAGES):
-        for i in range(n):
-            s.rest[i] = 0.0
-        for k in range(STARTS[stage], STARTS[stage + 1]):
-            for i in range(n):
-                s.rest[i] += A[k] * s.slope[FROM[k] * n + i]
-        for i in range(n):
-            s.rest[i] = first[i] + size * s.rest[i]
-        rates(s, start + C[stage] * size, s.rest, s.slope[stage * n :])
+        evaluate_stage(s, stage, start, size, first)
     put_cubic(s, size, first, last)
     for i in range(n):
         for row in range(4):
@@ -48,6 +41,26 @@ def densify_between(s: IntegratorWorkspace, start: float, stop: float, first: Fl
             for stage in range(ALL_STAGES):
                 total += D[row * ALL_STAGES + stage] * s.slope[stage * n + i]
             s.dense[(3 + row) * n + i] = size * total
+
+
+def evaluate_stage(s: IntegratorWorkspace, stage: int, start: float, size: float, first: Floats) -> None:
+    """Compute the rates of a stage of a step that begins with `first`; its state stays in `rest`."""
+    combine(s, stage, size, first, s.rest)
+    rates(s, start + C[stage] * size, s.rest, s.slope[stage * s.n :])
+
+
+def combine(s: IntegratorWorkspace, stage: int, size: float, first: Floats, out: Floats) -> None:
+    """Compute the state of a stage, from the rates of those before it."""
+    n = s.n
+    for i in range(n):
+        out[i] = 0.0
+    for k in range(STARTS[stage], STARTS[stage + 1]):
+        weight = A[k]
+        place = FROM[k] * n
+        for i in range(n):
+            out[i] += weight * s.slope[place + i]
+    for i in range(n):
+        out[i] = first[i] + size * out[i]
 
 
 def put_cubic(s: IntegratorWorkspace, size: float, first: Floats, last: Floats) -> None:

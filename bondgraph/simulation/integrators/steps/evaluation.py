@@ -125,13 +125,8 @@ def put_end(s: IntegratorWorkspace, end: float, slope: Floats) -> None:
     n = s.n
     if s.ends == 3:
         s.first_sloped = 1
-        for k in range(2):
-            s.end_time[k] = s.end_time[k + 1]
-        for i in range(2 * n):
-            s.end_state[i] = s.end_state[n + i]
-            s.end_slope[i] = s.end_slope[n + i]
-    else:
-        s.ends += 1
+        drop_first_end(s)
+    s.ends += 1
     place = s.ends - 1
     s.end_time[place] = end
     for i in range(n):
@@ -140,3 +135,13 @@ def put_end(s: IntegratorWorkspace, end: float, slope: Floats) -> None:
         s.state[i] = s.new[i]
     s.node_count = 0
     s.time = end
+
+
+def drop_first_end(s: IntegratorWorkspace) -> None:
+    """Keep the last two of three step ends."""
+    s.ends = 2
+    for k in range(2):
+        s.end_time[k] = s.end_time[k + 1]
+    for i in range(2 * s.n):
+        s.end_state[i] = s.end_state[s.n + i]
+        s.end_slope[i] = s.end_slope[s.n + i]

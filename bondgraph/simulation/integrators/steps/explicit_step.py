@@ -10,17 +10,15 @@ from __future__ import annotations
 
 from math import isfinite, pow, sqrt, ulp
 
-from compiler.api import Floats
-
 from .. import dop853
 from ..outcomes import ERROR, ROUND_OFF
 from ..workspace import IntegratorWorkspace
-from .dop853_dense import first_bend_of_pair, put_cubic
+from .dop853_dense import combine, evaluate_stage, first_bend_of_pair, put_cubic
 from .evaluation import put_end, rates, renew
 from .peaks import first_peak
 from .step_control import GROWN, first_size, is_rounding, is_stubborn
 
-C, STARTS, FROM, A, E5, E3 = dop853.C, dop853.STARTS, dop853.FROM, dop853.A, dop853.E5, dop853.E3
+C, E5, E3 = dop853.C, dop853.E5, dop853.E3
 SEEN, UNSEEN, LOOKS, BETWEEN, THROUGH = dop853.SEEN, dop853.UNSEEN, dop853.LOOKS, dop853.BETWEEN, dop853.THROUGH
 NODES = (C[6], C[9], C[10], 1.0)  # some fractions of a step at which it evaluates rates that have a weight
 STAGES, CAREFUL, MOST_BENDS, REGAINED = dop853.STAGES, dop853.CAREFUL, dop853.MOST_BENDS, dop853.REGAINED
@@ -47,8 +45,8 @@ def explicit_step(s: IntegratorWorkspace) -> int:
         end = s.stop if s.time + size >= s.stop else s.time + size
         size = end - s.time
         for stage in range(1, STAGES):
-            evaluate_stage(s, stage, size)
-        combine(s, STAGES, size, s.new)
+            evaluate_stage(s, stage, s.time, size, s.state)
+        combine(s, STAGES, size, s.state, s.new)
         norm = norm_of_pair(s, size)
         if s.bend_count > 0 and bent < MOST_BENDS and isfinite(norm):
             share = first_bend_of_pair(s, size, least)
@@ -59,7 +57,7 @@ def explicit_step(s: IntegratorWorkspace) -> int:
                 continue
         if norm > 0.1 and is_rounding(s, norm, CAREFUL, size):
             norm = 1.0
-            combine(s, STAGES - 1, size, s.rest)  # that search has used its room
+            combine(s, STAGES - 1, size, s.state, s.rest)  # that search has used its room
         if norm <= 1.0:
             if has_rates_at(s, end):
                 if s.peak_count == 0:
@@ -165,26 +163,6 @@ def product(s: IntegratorWorkspace) -> float:
     for i in range(s.n):
         s.direction[i] = s.rest[i] / size
     return size / before
-
-
-def combine(s: IntegratorWorkspace, stage: int, size: float, out: Floats) -> None:
-    """Compute the state of a stage, from the rates of those before it."""
-    n = s.n
-    for i in range(n):
-        out[i] = 0.0
-    for k in range(STARTS[stage], STARTS[stage + 1]):
-        weight = A[k]
-        first = FROM[k] * n
-        for i in range(n):
-            out[i] += weight * s.slope[first + i]
-    for i in range(n):
-        out[i] = s.state[i] + size * out[i]
-
-
-def evaluate_stage(s: IntegratorWorkspace, stage: int, size: float) -> None:
-    """Compute the rates of a stage."""
-    combine(s, stage, size, s.rest)
-    rates(s, s.time + C[stage] * size, s.rest, s.slope[stage * s.n :])
 
 
 def norm_of_pair(s: IntegratorWorkspace, size: float) -> float:

@@ -9,7 +9,7 @@ from compiler.api import Floats, Numbers
 
 from .. import radau
 from ..workspace import IntegratorWorkspace
-from .evaluation import bends_of
+from .evaluation import bends_of, drop_first_end
 from .trial_interpolant import tried_at
 
 WORK = 8  # row of `peak_seen` behind those of the places of a method
@@ -79,12 +79,6 @@ def bends_at(s: IntegratorWorkspace, size: float, at: float, out: Floats) -> Non
 
 def after_bend(s: IntegratorWorkspace, size: float) -> None:
     """Prepare the step after one that ends at a kink: no polynomial spans it, and the next step may have the size planned for this one."""
-    n = s.n
     if s.ends == 3:
-        s.ends = 2
-        for k in range(2):
-            s.end_time[k] = s.end_time[k + 1]
-        for i in range(2 * n):
-            s.end_state[i] = s.end_state[n + i]
-            s.end_slope[i] = s.end_slope[n + i]
+        drop_first_end(s)
     s.size = max(s.size, size)
