@@ -72,9 +72,7 @@ class BranchFollower:
         self.steady, self.neutral = first.steady, 0
         self.seen, self.unseen = np.zeros(first.count), np.ones(first.count)
         constraints, still = first.constraints, Segment(first.time, first.time, first.mode)
-        levels = rounding_levels(first.program, first.made.facts.mechanisms, constraints, first.state, still)[
-            : first.count
-        ]
+        levels = rounding_levels(first.made.facts.mechanisms, constraints, first.state, still)[: first.count]
         lengths, units = of_parameters(first.program, constraints.parameters)[: first.count], first.program.states.units
         self.least = np.where([u in ("1", "m") for u in units], levels, 0.0)
         self.least = np.maximum(self.least, np.where([u == "1" for u in units], 0.0, EPS * lengths))
@@ -111,7 +109,7 @@ class BranchFollower:
         """Return the rest that is found from a point at another value of the parameter."""
         moved = point.elsewhere({self.name: value}, point.state)
         segment = Segment(point.time, point.time, moved.mode)
-        state = equilibrium(moved.program, moved.constraints, moved.inputs, moved.state, segment)
+        state = equilibrium(moved.constraints, moved.state, segment)
         return point.elsewhere({self.name: value}, state)
 
     def see(self, point: OperatingPoint, A: Array) -> None:
@@ -129,9 +127,7 @@ class BranchFollower:
         size, chosen = np.where(size > self.least, size, 0.0), point.reduced.chosen
         if not ((size > 0) & (self.seen == 0))[chosen].any():
             return size
-        constants = given_terms(
-            point.program, point.constraints.parameters, point.time, point.state, point.inputs, point.mode
-        )
+        constants = given_terms(point.constraints, point.time, point.state, point.mode)
         rates, directions = np.abs(self.rates(point)), np.abs(point.reduced.directions)
         for _ in chosen:
             effects = np.abs(A) * size[chosen]

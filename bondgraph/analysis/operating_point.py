@@ -162,7 +162,7 @@ class OperatingPoint:
         """Rates, by name, of angles that rotate steadily while all else is at rest; meaningful at an equilibrium only."""
         from ..simulation.equilibrium.steady import steady_rates
 
-        return steady_rates(self.program, self.constraints, self.time, self.state, self.inputs, self.mode)
+        return steady_rates(self.constraints, self.time, self.state, self.mode)
 
     @cached_property
     def outputs(self) -> Any:

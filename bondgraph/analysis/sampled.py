@@ -78,7 +78,7 @@ def sampled_loop(point: OperatingPoint) -> SampledLoop:
     from ..simulation.segments.sampling import sampling_of
 
     program, space = point.program, point.compilation.state_space
-    settings = sampled_settings(program, point.constraints)
+    settings = sampled_settings(point.constraints)
     periods = sorted({period for _, _, period in settings})
     if len(periods) != 1:
         raise UsageError(

@@ -187,7 +187,7 @@ class Phase:
         absolute = np.full(len(self.state), atol) if atol is not None else rtol * magnitude
         if atol is None and self.constraints:
             mechanisms, first = self.compilation.facts.mechanisms, self.stretches[0]
-            least = least_tolerances(self.program, mechanisms, self.constraints, self.looked_from, first, magnitude)
+            least = least_tolerances(mechanisms, self.constraints, self.looked_from, first, magnitude)
             absolute = np.maximum(absolute, least)
         held = np.full(len(self.state), atol is not None)
         multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from bondgraph.model import Model
+from bondgraph.simulation.constraints.constraints import Constraints
 from bondgraph.simulation.magnitudes.pilot_run import PilotRun
 from bondgraph.simulation.segments.timeline import Segment
 from compiler.api import Source
@@ -29,12 +30,13 @@ def coarse_run(leak: str, target: str, keeping: bool = True) -> PilotRun:
     text = large_models.network(large_models.mesh_edges(SIDE), SIDE**2, leak=leak)
     model = Model(Source("mesh.bg", text))
     program = model.compiled_scene(model.scene(), False, target).program
-    constants = program.constants(np.array(program.defaults))
-    state = np.asarray(program.start(constants), dtype=float)
-    run = PilotRun(program, constants, np.array(program.input_defaults), state)
+    every = np.ones(len(program.states.names))
+    constraints = Constraints(program, np.array(program.defaults), np.array(program.input_defaults), every)
+    state = np.asarray(program.start(constraints.constants), dtype=float)
+    run = PilotRun(constraints, state)
     if not keeping:
         run.compiled.record.keeping = 0
-    run.peak([Segment(0.0, 1e-3, program.switches(0.0, constants))], None)
+    run.peak([Segment(0.0, 1e-3, program.switches(0.0, constraints.constants))], None)
     return run
 
 

@@ -136,7 +136,7 @@ class Search:
             small = {d.push: share * self._probe(d) for d in zero}
             try:
                 moved = self.point.elsewhere(small, self.point.state)
-                rest = equilibrium(moved.program, moved.constraints, moved.inputs, moved.state, at)
+                rest = equilibrium(moved.constraints, moved.state, at)
             except (RunFailed, np.linalg.LinAlgError):
                 continue
             self.point = self.point.elsewhere(small, rest)
@@ -268,7 +268,7 @@ class Search:
 
 def _rests(point: OperatingPoint) -> bool:
     """Return True if a point is an equilibrium as the search for one would have it: at a limit a rate may read no state, and remain."""
-    search = search_at(point.program, point.constraints, point.inputs, Segment(point.time, point.time, point.mode))
+    search = search_at(point.constraints, Segment(point.time, point.time, point.mode))
     try:
         search.rested(point.state)
     except (RunFailed, np.linalg.LinAlgError):

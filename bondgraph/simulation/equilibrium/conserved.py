@@ -52,8 +52,7 @@ def with_sums_kept(
     scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment
 ) -> Array:
     """Return a rest with the states that nothing reads where the sums that they are part of have the values of the start."""
-    fixed = constraints.inputs, constraints.constants, segment.mode
-    unread = unread_states(constraints.program, segment.start, rest, *fixed)
+    unread = unread_states(constraints, segment.start, rest, segment.mode)
     sums = conserved_sums(scene, constraints.parameters) if unread.any() else np.zeros((0, len(unread)))
     own = sums[:, unread]
     if not own.any():

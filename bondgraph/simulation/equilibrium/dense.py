@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array
 
 from ...errors import RunFailed
 from ...numerics.scales import equilibrated, group_numbers, largest_of_group, nonzero, null_basis
@@ -36,14 +36,13 @@ PLACES = (-1.7, 0.6, 3.1)  # along a motion, in magnitudes of the state that mov
 class EquilibriumSearch:
     """Rates and their derivatives by the states, with the unknowns of loops solved for."""
 
-    def __init__(self, program: Program, constraints: Constraints, inputs: Array, first: Segment) -> None:
-        self.constraints, constants = constraints, constraints.constants
-        self.program, self.count = program, len(program.states.names)
-        self.time, self.fixed = first.start, (inputs, constants, first.mode)
+    def __init__(self, constraints: Constraints, first: Segment) -> None:
+        self.constraints, self.program, self.count = constraints, constraints.program, constraints.count
+        self.time, self.fixed = first.start, (constraints.inputs, constraints.constants, first.mode)
         self.loops, self.mode = constraints.loops(), first.mode
         self.largest, self.unseen = np.zeros(self.count), np.zeros(self.count)
-        self.names, units = program.states.names, program.states.units
-        self.group(units)
+        self.names = self.program.states.names
+        self.group(self.program.states.units)
         self.basis: Any = None  # basis of the directions that loop joints allow at the current state
         self.farthest = LARGEST
         self.loop_terms: Any = 0.0  # terms of the loop unknowns in each rate at the current state
@@ -68,7 +67,7 @@ class EquilibriumSearch:
             self.basis = self.constraints.tangents(self.time, full, self.mode)
         n = self.count
         if self.unread is None:
-            self.unread = unread_states(self.program, self.time, full, *self.fixed)
+            self.unread = unread_states(self.constraints, self.time, full, self.mode)
         slope = self.rates(full)
         whole = np.asarray(self.program.jacobian(self.time, full, *self.fixed))
         jacobian = whole[:n, :n].copy()
@@ -303,8 +302,7 @@ class EquilibriumSearch:
 
     def cancels(self, full: Array, slope: Array) -> bool:
         """Return True if all rates are rounding of terms of parameters and inputs that cancel each other."""
-        inputs, _, mode = self.fixed
-        terms = given_terms(self.program, self.constraints.parameters, self.time, full, inputs, mode)
+        terms = given_terms(self.constraints, self.time, full, self.mode)
         terms[self.unread] = np.inf
         return bool((np.abs(slope) <= CANCELLED * terms).all())
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
@@ -29,11 +29,11 @@ MOVED = 1e-9  # relative to the largest part of a direction, in magnitudes: smal
 KEPT = 1e-6  # of the product of a direction and a conserved sum, in magnitudes: less is rounding
 
 
-def equilibrium(program: Program, constraints: Constraints, inputs: Array, state: Array, first: Segment) -> Any:
+def equilibrium(constraints: Constraints, state: Array, first: Segment) -> Any:
     """Return the equilibrium that is reached from a state, with the unknowns of loops. Raises `RunFailed` if there is none."""
-    if not len(program.states.names):
+    if not constraints.count:
         return state
-    return found_by(search_at(program, constraints, inputs, first), np.array(state))
+    return found_by(search_at(constraints, first), np.array(state))
 
 
 @np.errstate(all="ignore")  # a trial may lead to where a law has no value
@@ -126,14 +126,14 @@ def _of_linear(search: EquilibriumSearch, state: Array) -> Any:
     return search.rested(x) if there else None
 
 
-def search_at(program: Program, constraints: Constraints, inputs: Array, first: Segment) -> EquilibriumSearch:
+def search_at(constraints: Constraints, first: Segment) -> EquilibriumSearch:
     """Return a dense search at the begin of a segment, or a sparse one for a large model. Directions left by loop joints are dense in any case."""
-    rows, _ = program.pattern
-    if not constraints and is_large(len(program.states.names), len(rows)):
+    rows, _ = constraints.program.pattern
+    if not constraints and is_large(constraints.count, len(rows)):
         from .sparse import SparseSearch
 
-        return SparseSearch(program, constraints, inputs, first)
-    return EquilibriumSearch(program, constraints, inputs, first)
+        return SparseSearch(constraints, first)
+    return EquilibriumSearch(constraints, first)
 
 
 def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:

@@ -35,7 +35,7 @@ class SparseSearch(EquilibriumSearch):
 
         full = self.loops.solve(self.time, full, self.mode)
         if self.unread is None:
-            self.unread = unread_states(self.program, self.time, full, *self.fixed)
+            self.unread = unread_states(self.constraints, self.time, full, self.mode)
         slope = self.rates(full)
         entries = np.asarray(self.program.jacobian_entries(self.time, full, *self.fixed), dtype=float)
         whole = csc_array((entries, self.program.pattern), shape=(len(full), len(full)))

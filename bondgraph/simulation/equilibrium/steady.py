@@ -23,9 +23,9 @@ ROUNDING = 1e-8  # relative to the terms in a rate: below it an angle is constan
 TURNING = ("1", "1/s")  # units of an angle and of its rate
 
 
-def unread_states(program: Program, time: float, state: Array, inputs: Array, constants: Array, mode: Array) -> Any:
+def unread_states(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
     """Return a mask (n,) of the states that no rate, unknown of a loop, loop joint or event reads: nothing restores them."""
-    count = len(program.states.names)
+    program, fixed, count = constraints.program, (constraints.inputs, constraints.constants, mode), constraints.count
     key = "states that no rate reads"
     if key not in program.kept:
         free = np.ones(count + len(program.unknowns.names), dtype=bool)
@@ -39,7 +39,7 @@ def unread_states(program: Program, time: float, state: Array, inputs: Array, co
             moved = np.repeat(np.asarray(state, dtype=float)[None], len(SHIFTS) + 1, axis=0)
             moved[1:, i] += SHIFTS
             rows = [
-                np.concatenate([f(time, x, inputs, constants, mode) for f in (hybrid.roots, hybrid.triggers, hybrid.values)])
+                np.concatenate([f(time, x, *fixed) for f in (hybrid.roots, hybrid.triggers, hybrid.values)])
                 for x in moved
             ]  # fmt: skip
             unread[i] = all(np.array_equal(row, rows[0], equal_nan=True) for row in rows)
@@ -54,10 +54,12 @@ def drivers(program: Program, place: int) -> str:
     return f"its rate reads {', '.join(read[:4])}{' …' if len(read) > 4 else ''}" if read else "its rate reads no state"
 
 
-def given_terms(program: Program, parameters: Array, time: float, state: Array, inputs: Array, mode: Array) -> Any:
+def given_terms(constraints: Constraints, time: float, state: Array, mode: Array) -> Any:
     """Return the largest term (n,) of a parameter or an input in each rate, found by changing each of them by a small fraction."""
-    constants, count = program.constants(parameters), len(program.states.names)
-    others = [(inputs, program.constants(moved)) for moved in _each_moved(np.asarray(parameters, dtype=float))]
+    program, inputs, count = constraints.program, constraints.inputs, constraints.count
+    parameters = np.asarray(constraints.parameters, dtype=float)
+    constants = program.constants(parameters)
+    others = [(inputs, program.constants(moved)) for moved in _each_moved(parameters)]
     others += [(moved, constants) for moved in _each_moved(np.asarray(inputs, dtype=float))]
     rates = np.asarray(program.derivative(time, state, inputs, constants, mode), dtype=float)[:count]
     terms = np.zeros(count)
@@ -72,13 +74,11 @@ def _each_moved(given: Array) -> list[Any]:
     return [np.where(np.arange(len(given)) == i, given * (1 + SHARE), given) for i in np.flatnonzero(given)]
 
 
-def steady_rates(
-    program: Program, constraints: Constraints, time: float, state: Array, inputs: Array, mode: Array
-) -> dict[str, float]:  # fmt: skip
+def steady_rates(constraints: Constraints, time: float, state: Array, mode: Array) -> dict[str, float]:
     """Return the rates, by name, of the states that move on while all others rest; empty if all rest."""
-    constants = constraints.constants
+    program, inputs, constants = constraints.program, constraints.inputs, constraints.constants
     rates = np.asarray(program.derivative(time, state, inputs, constants, mode), dtype=float)
-    unread = unread_states(program, time, state, inputs, constants, mode)
+    unread = unread_states(constraints, time, state, mode)
     names, count = program.states.names, len(program.states.names)
     moving = np.flatnonzero(unread & (rates[:count] != 0))
     if not len(moving):
@@ -92,9 +92,7 @@ def steady_rates(
     scale = largest_of_group(np.abs(np.asarray(state, dtype=float)), units)
     fastest = float(jacobian.max()) if jacobian.nnz else 0.0
     terms = jacobian @ (np.maximum(scale, jacobian @ scale / fastest) if fastest > 0 else scale)
-    terms = np.maximum(
-        ROUNDING * terms[:count], CANCELLED * given_terms(program, constraints.parameters, time, state, inputs, mode)
-    )
+    terms = np.maximum(ROUNDING * terms[:count], CANCELLED * given_terms(constraints, time, state, mode))
     return {names[i]: float(rates[i]) for i in moving if abs(rates[i]) > terms[i]}
 
 

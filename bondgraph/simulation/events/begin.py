@@ -69,9 +69,7 @@ def with_mode(space: CompiledScene, constraints: Constraints, state: Array, firs
     seen = set()
     for _ in range(MOST_MODES):
         first = replace(first, mode=mode)
-        full, _ = consistent_start(
-            constraints.program, space, constraints.constants, constraints.inputs, state, first, constraints
-        )
+        full, _ = consistent_start(space, constraints, state, first)
         indicators.measure(np.abs(full))
         found = settled(indicators, HybridState(first.start, full, mode)).mode
         if (found == mode).all():

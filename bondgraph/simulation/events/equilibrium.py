@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import Array
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
@@ -34,19 +34,19 @@ def rest_with_events(
     constraints: Constraints, state: Array, first: Segment, events: Events, with_sums: Callable[[Array, Array, Segment], Array]
 ) -> HybridState:  # fmt: skip
     """Return the hybrid state at the equilibrium, with its mode; `with_sums`: a rest with the sums of a start. Raises `RunFailed` if there is none."""
-    program, visited = constraints.program, []
+    visited = []
     at = HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode))
-    sampled = sampled_settings(program, constraints)
+    sampled = sampled_settings(constraints)
     for _ in range(MOST_MODES):
         segment, slack = replace(first, mode=at.mode), np.zeros(len(at.mode))
         if sampled:
-            search = SampledSearch(program, constraints, segment, sampled)
+            search = SampledSearch(constraints, segment, sampled)
             full = found_by(search, search.joined(at.state, at.mode))
             rest, mode = search.split(full)
             at = HybridState(at.time, with_sums(at.state, rest, segment), mode)
             slack[search.places] = search.slack(full)
         else:
-            rest = equilibrium(program, constraints, constraints.inputs, at.state, segment)
+            rest = equilibrium(constraints, at.state, segment)
             at = HybridState(at.time, with_sums(at.state, rest, segment), at.mode)
         events.measure(np.abs(at.state))
         events.log.clear()
@@ -67,12 +67,12 @@ def rest_with_events(
     )  # fmt: skip
 
 
-def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[int, int, float], ...]:
+def sampled_settings(constraints: Constraints) -> tuple[tuple[int, int, float], ...]:
     """Return, for each sampled setting, its index among all settings and in the mode, and its period in s.
 
     Raises `RunFailed` for samples that set stored quantities.
     """
-    hybrid = program.hybrid
+    hybrid = constraints.program.hybrid
     if hybrid is None:
         return ()
     periods = iter(sampling_of(hybrid.sampling(constraints.constants))[:, 0].tolist())
@@ -93,10 +93,9 @@ def sampled_settings(program: Program, constraints: Constraints) -> tuple[tuple[
 class SampledSearch(EquilibriumSearch):
     """Rates of states and of sampled values; a full state is states, sampled values, unknowns of loops."""
 
-    def __init__(
-        self, program: Program, constraints: Constraints, first: Segment, sampled: Sequence[tuple[int, int, float]]
-    ) -> None:
-        super().__init__(program, constraints, constraints.inputs, first)
+    def __init__(self, constraints: Constraints, first: Segment, sampled: Sequence[tuple[int, int, float]]) -> None:
+        super().__init__(constraints, first)
+        program = constraints.program
         assert program.hybrid is not None
         self.hybrid, self.states = program.hybrid, len(program.states.names)
         self.settings = [s for s, _, _ in sampled]
@@ -126,7 +125,7 @@ class SampledSearch(EquilibriumSearch):
         if self.unread is None:
             from ..equilibrium.steady import unread_states
 
-            own = unread_states(self.program, self.time, state, *self.fixed[:2], mode)
+            own = unread_states(self.constraints, self.time, state, mode)
             self.unread = np.concatenate([own, np.zeros(len(self.places), dtype=bool)])
         if self.constraints:
             basis = self.constraints.tangents(self.time, state, mode)

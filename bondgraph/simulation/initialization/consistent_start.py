@@ -33,21 +33,21 @@ SHOWN = 4  # most solutions, and unknowns of each, in a message
 
 
 def consistent_start(
-    program: Program, made: CompiledScene, constants: Array, inputs: Array, state: Array, first: Segment, constraints: Constraints
-) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
+    made: CompiledScene, constraints: Constraints, state: Array, first: Segment
+) -> tuple[Any, tuple[str, ...]]:
     """Return the state at the start, shape (n,), and notes about it.
 
     Raises `RunFailed` if initial equations contradict each other or the start values of states, or if a loop has no solution.
     """
-    loops = constraints.loops()
-    time, mode, count = first.start, first.mode, len(program.states.names)
+    loops, program = constraints.loops(), constraints.program
+    time, mode, count = first.start, first.mode, constraints.count
     if not made.facts.claims and not constraints:
         full = loops.solve(time, state, mode)
         return _determined(loops, made, full, (time, mode))
     space = made.state_space
 
     def claims(x: Array) -> Any:
-        return np.asarray(program.claims(time, x, inputs, constraints.constants, mode))
+        return np.asarray(program.claims(time, x, constraints.inputs, constraints.constants, mode))
 
     notes: tuple[str, ...] = ()
     if constraints or any(c.on_pose for c in space.claims):
@@ -59,7 +59,7 @@ def consistent_start(
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
     if constraints:
         poses[constraints.positions] = True
-        full, several = _assembled(program, made, constraints, state, movable & ~poses, poses, first)
+        full, several = _assembled(made, constraints, state, movable & ~poses, poses, first)
         return full, (*notes, *several)
 
     def missed(x: Array) -> tuple[Any, Any]:
@@ -72,7 +72,7 @@ def consistent_start(
     if value.any():  # the size of the terms that an initial equation adds up: a value of zero has no size of its own
         terms = np.abs(x[x != 0])
         reach = np.abs(slopes_of(lambda y: missed(y)[0], x, x != 0, terms)) @ terms
-    _check(program, space, constants, value, reach, full, (time, inputs, mode))
+    _check(constraints, space, value, reach, full, (time, mode))
     full, several = _determined(loops, made, full, (time, mode))
     return full, (*notes, *several)
 
@@ -96,12 +96,12 @@ def _with_pose(problem: PoseProblem, state: Array) -> tuple[Any, tuple[str, ...]
 
 
 def _assembled(
-    program: Program, made: CompiledScene, constraints: Constraints, state: Array, movable: BoolArray, poses: BoolArray, first: Segment
+    made: CompiledScene, constraints: Constraints, state: Array, movable: BoolArray, poses: BoolArray, first: Segment
 ) -> tuple[Any, tuple[str, ...]]:  # fmt: skip
     """Return the consistent state of a model with loop joints, the rates of whose residuals vanish as well, and notes."""
     from .assembly import choose_rows, measures, rates_closed
 
-    time, mode, space = first.start, first.mode, made.state_space
+    time, mode, space, program = first.start, first.mode, made.state_space, constraints.program
     loops = constraints.loops()
     loose = len(program.unknowns.names) > 0 and not loops.affine  # initial equations may depend on other loops
     rows = [i for i, c in enumerate(space.claims) if not c.on_pose]
@@ -121,7 +121,7 @@ def _assembled(
     size[: constraints.count] += ROUNDING * measures(constraints, time, x, mode)
     terms = size[size > 0]
     reach = np.abs(slopes_of(claims, x, size > 0, terms)) @ terms if value.any() else np.abs(value)
-    _check(program, made.state_space, constraints.constants, value, reach, x, (time, constraints.inputs, mode))
+    _check(constraints, space, value, reach, x, (time, mode))
     loops = constraints.loops()  # with the rows that were chosen
     full = loops.solve(time, x, mode)
     return _determined(loops, made, full, (time, mode)) if loose else (full, ())
@@ -187,9 +187,11 @@ def _several(made: CompiledScene, program: Program, solutions: Array, differ: In
     )  # fmt: skip
 
 
-def _check(program: Program, space: StateSpace, constants: Array, value: Array, reach: Array, full: Array, at: Any) -> None:  # fmt: skip
-    time, inputs, mode = at
-    others = np.asarray(program.claims(time, np.zeros(len(full)), inputs, constants, mode))[: len(space.claims)]
+def _check(
+    constraints: Constraints, space: StateSpace, value: Array, reach: Array, full: Array, at: tuple[float, Any]
+) -> None:
+    fixed = constraints.inputs, constraints.constants, at[1]
+    others = np.asarray(constraints.program.claims(at[0], np.zeros(len(full)), *fixed))[: len(space.claims)]
     others = np.where(np.isfinite(others), others, value)  # not finite where all states are zero
     size = np.maximum(np.maximum(np.abs(value - others), np.abs(others)), reach)
     bad = [c for c, v, s in zip(space.claims, value, size, strict=True) if not abs(v) <= CLOSE * max(s, 1e-300)]

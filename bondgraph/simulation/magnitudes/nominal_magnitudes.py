@@ -81,10 +81,10 @@ def nominal_magnitudes(
     stopped = None
     if look is None and len(program.states.names):
         free: list[Any] = []
-        smallest = smallest_levels(program, mechanisms, constraints, state, stretches[0])
+        smallest = smallest_levels(mechanisms, constraints, state, stretches[0])
 
         def look_along(way: Sequence[Segment]) -> PilotObserver:
-            coarse = PilotRun(program, constants, inputs, state, constraints, smallest)
+            coarse = PilotRun(constraints, state, smallest)
             coarse.free = free  # all begin at one state
             return PilotObserver(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
 
@@ -96,13 +96,13 @@ def nominal_magnitudes(
         peak, stopped = np.maximum(peak, look.largest), look.stopped
     elif len(peak):
         peak = np.maximum(peak, _without_states(constraints, state, stretches))
-    levels = rounding_levels(program, mechanisms, constraints, state, stretches[0])
+    levels = rounding_levels(mechanisms, constraints, state, stretches[0])
     result = raised(program, mechanisms, np.where(given > 0, given, peak), levels)
     unknown = (result == 0) | ~np.isfinite(result)
     values = result
     if unknown.any():
         share = 1.0 if stopped is None else CAUTIOUS
-        charged = chargeable(program, constants, inputs, state, stretches, np.where(unknown, 0.0, result))
+        charged = chargeable(constraints, state, stretches, np.where(unknown, 0.0, result))
         result[unknown] = share * charged[unknown]
         values = np.where(result > 0, result, share * (charged.max() or 1.0))
     names = tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
@@ -137,11 +137,11 @@ def _owned_units(program: Program, mechanisms: tuple[str, ...]) -> Any:
     return program.kept[key]
 
 
-def rounding_levels(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
+def rounding_levels(mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:
     """Return the rounding level of angles, and of lengths of mechanisms with closed loops, that symmetry leaves."""
-    result = smallest_levels(program, mechanisms, constraints, state, first)
+    result = smallest_levels(mechanisms, constraints, state, first)
     if constraints:
-        units = np.array(program.variables.units)
+        units = np.array(constraints.program.variables.units)
         result = result.copy()
         places = np.concatenate([constraints.positions, constraints.speeds])
         length = constraints.length(first.start, state, first.mode)
@@ -151,10 +151,10 @@ def rounding_levels(program: Program, mechanisms: Sequence[str], constraints: Co
     return result
 
 
-def smallest_levels(program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:  # fmt: skip
+def smallest_levels(mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment) -> Any:
     """Return the rounding level of angles of mechanisms and their rates, and of speeds of what rolls."""
-    angles = smallest_angles(program, mechanisms)
-    return np.maximum(angles, smallest_speeds(program, constraints, state, first)) if constraints else angles
+    angles = smallest_angles(constraints.program, mechanisms)
+    return np.maximum(angles, smallest_speeds(constraints, state, first)) if constraints else angles
 
 
 def _levels_at_rest(program: Program, sizes: Array, levels: Array) -> Any:
@@ -174,14 +174,14 @@ def of_what_moved(known: Mapping[str, float], program: Program, levels: Array) -
 
 
 def least_tolerances(
-    program: Program, mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment, magnitude: Array
-) -> Any:  # fmt: skip
+    mechanisms: Sequence[str], constraints: Constraints, state: Array, first: Segment, magnitude: Array
+) -> Any:
     """Return lower bounds of absolute tolerances, because projection on loop joints is accurate to rounding only; 0 for other states.
 
     Coordinates that such joints lock altogether, and storages on them, stay constant to that accuracy, whatever fraction of their magnitude a
     tolerance is.
     """
-    levels = rounding_levels(program, mechanisms, constraints, state, first)
+    levels = rounding_levels(mechanisms, constraints, state, first)
     result, places = np.zeros(len(state)), np.concatenate([constraints.positions, constraints.speeds])
     result[places] = levels[places]
-    return ROUNDED * np.maximum(result, _levels_at_rest(program, magnitude, levels))
+    return ROUNDED * np.maximum(result, _levels_at_rest(constraints.program, magnitude, levels))

@@ -61,35 +61,34 @@ def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
     return kept[key]
 
 
-def smallest_speeds(program: Program, constraints: Constraints, state: Array, first: Segment) -> Any:
+def smallest_speeds(constraints: Constraints, state: Array, first: Segment) -> Any:
     """Return the rounding level of speeds of what rolls, as of a ball that turns in its place on a turntable; 0 for others."""
     speed = constraints.rolling_speed(first.start, state, first.mode)
     result, places = np.zeros(len(state)), constraints.speeds
-    result[places] = np.where(np.array(program.variables.units)[places] == "m/s", SMALLEST_ANGLE * speed, 0.0)
+    result[places] = np.where(
+        np.array(constraints.program.variables.units)[places] == "m/s", SMALLEST_ANGLE * speed, 0.0
+    )
     return result
 
 
 class PilotRun:
     """Pilot run by implicit Euler in about 60 steps; a step is halved where Newton's method fails."""
 
-    def __init__(
-        self, program: Program, constants: Array, inputs: Array, state: Array, constraints: Constraints | None = None,
-        smallest: Array | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, constraints: Constraints, state: Array, smallest: Array | None = None) -> None:
         """`smallest`: rounding levels, shape (n,)."""
-        self.constraints = constraints
-        self.program, self.constants, self.inputs = program, constants, inputs
+        self.constraints, self.program = constraints, constraints.program
+        self.constants, self.inputs = constraints.constants, constraints.inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
         self.stopped: float | None = None  # time at which it gave up
         self.beginning = self.largest  # magnitudes with the reach of the motion by the forces at the start
         self.free: list[Any] = []  # that reach, and these magnitudes, where another run from this state has found them
-        self.differential = np.arange(len(state)) < len(program.states.names)
+        self.differential = np.arange(len(state)) < constraints.count
         self.smallest = np.zeros(len(state)) if smallest is None else smallest
         self.noted = 0  # number of records of time and magnitudes
         self.far, self.until = np.zeros(pilot.NOTES), np.zeros((pilot.NOTES, len(state)))
-        self.eliminated = Eliminated(program)
-        self.rows, self.columns = program.pattern
-        self.compiled = CompiledPilotStep(program, inputs, constants, self.smallest)
+        self.eliminated = Eliminated(self.program)
+        self.rows, self.columns = self.program.pattern
+        self.compiled = CompiledPilotStep(self.program, self.inputs, self.constants, self.smallest)
 
     def peak(self, stretches: Sequence[Segment], ends: PilotObservation | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""
@@ -133,7 +132,7 @@ class PilotRun:
             if len(self.state) > LARGEST:  # a large matrix is not even formed
                 return None
             jacobian, basis = self.program.jacobian(first.start, self.state, *fixed), None
-        elif self.constraints is not None and len(self.eliminated.places) == len(self.state) - count:
+        elif len(self.eliminated.places) == len(self.state) - count:
             basis = self.constraints.tangents(first.start, self.state, first.mode)
             jacobian = self._on_constraints(first, basis)
         else:
@@ -163,7 +162,7 @@ class PilotRun:
         others = {}
         if not self.differential.all():
             loops = LoopSolver(self.program, self.constants, self.inputs, self.largest)
-            if loops.affine and self.constraints is not None:
+            if loops.affine:
                 others["closed"] = self.constraints.always_compiled(self.program.native is not None).values
             else:
                 others["loops"] = loops.system(0.0, self.state, self.compiled.values["mode"], slice(None))

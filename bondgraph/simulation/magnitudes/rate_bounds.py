@@ -10,21 +10,21 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...numerics.scales import equilibrated
+from ..constraints.constraints import Constraints
 from ..segments.timeline import Segment
 
 PLACES = 9  # places of a segment at which the rates are evaluated
 MOST_STRETCHES = 64
 
 
-def chargeable(
-    program: Program, constants: Array, inputs: Array, state: Array, stretches: Sequence[Segment], known: Array
-) -> Any:
+def chargeable(constraints: Constraints, state: Array, stretches: Sequence[Segment], known: Array) -> Any:
     """Return magnitudes of all states and unknowns, shape (n,).
 
     First the change at the largest rates over the whole run, or over the time in which a state itself brings its rate to zero: a diode at its full
     voltage would else bring 1e80 C. Then the effect of other states, link by link of the Jacobian. `known`: the known magnitudes, 0 elsewhere. A state
     that nothing moves and nothing couples stays 0.
     """
+    program, inputs, constants = constraints.program, constraints.inputs, constraints.constants
     whole = stretches[-1].stop - stretches[0].start
     result = np.array(known, dtype=float)
     count = len(program.states.names)

@@ -134,8 +134,7 @@ class PhaseInitialization:
 
                 segment = with_modes(program, segment, self.modes)
                 segment = with_mode(compilation, constraints, state, segment, horizon)
-            fixed = constraints.constants, constraints.inputs, state
-            full, notes = consistent_start(program, compilation, *fixed, segment, constraints)
+            full, notes = consistent_start(compilation, constraints, state, segment)
             start = StartOfPhase(full, segment, self.off, self.off, notes)
             if self.plan.equilibrium:
                 start = self._at_rest(start, horizon)
@@ -158,9 +157,9 @@ class PhaseInitialization:
 
         program, constraints = self.program, self.constraints
         refuse_units(program.hybrid)
-        inputs, with_sums = constraints.inputs, partial(with_sums_kept, self.compilation, constraints)
+        with_sums = partial(with_sums_kept, self.compilation, constraints)
         if program.hybrid is None or self.companion is not None:
-            rest = equilibrium(program, constraints, inputs, start.state, start.first)
+            rest = equilibrium(constraints, start.state, start.first)
             start = replace(start, state=with_sums(start.state, rest, start.first))
         else:
             from ..events.equilibrium import rest_with_events
@@ -170,7 +169,7 @@ class PhaseInitialization:
             at = rest_with_events(constraints, start.state, start.first, events, with_sums)
             start = replace(start, state=at.state, first=replace(start.first, mode=at.mode), events=events)
         first = start.first
-        rates = steady_rates(program, constraints, first.start, start.state, inputs, first.mode)
+        rates = steady_rates(constraints, first.start, start.state, first.mode)
         check_steady(self.compilation, program, rates)
         return start
 

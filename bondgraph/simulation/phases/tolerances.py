@@ -105,7 +105,7 @@ class MagnitudeSearch:
         names, doubts, guess = program.variables.names, None, 1.0
         guessed: Sequence[str] = ()
         if known and self.mechanisms:
-            levels = rounding_levels(program, self.mechanisms, self.constraints, self.state, self.stretches[0])
+            levels = rounding_levels(self.mechanisms, self.constraints, self.state, self.stretches[0])
             known = of_what_moved(known, program, levels)
         if not all(n in known for n in names):
             first = self._nominal(PilotObservation(self.choice(), conditions))
