@@ -3,7 +3,8 @@
 With S = dx/dp the derivatives of the states follow S' = f_x S + f_p (forward sensitivities; Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005),
 with the exact derivatives of the compiled equations; unknowns of loops are eliminated. Along the states of a run, at a tighter tolerance, this is
 linear: collocation turns parts of the run into affine maps of S, all at once. A part is halved where its map differs from that of its two halves.
-Where the instant of a jump of the right-hand side depends on a parameter, S jumps by (f before - f after) times the derivative of the instant.
+Where the instant of a jump of the right-hand side depends on a parameter, S jumps by (f before - f after) times the derivative of the instant; where
+a condition on states flips, this derivative follows from the condition's own, - (g_x S + g_p) / g'.
 Loop joints tie states: with their multipliers eliminated f is defined for all states and preserves the constraints, and so S preserves their
 derivative, g_x S + g_p = 0, which holds at the start; rounding of the integration is corrected at each reported instant.
 """
@@ -13,11 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, symbols
+from compiler.api import Array, Leaf, symbols
 
 from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
@@ -26,15 +28,17 @@ from ..numerics.collocation import NODES, affine_steps
 from ..rendering import OfModel, Summarised
 from ..results.json_values import head, named, with_units
 from .movable import differentiable_program, refuse_structural
-from .operating_point import AnalysisRequest, OperatingPoint, refused_limit
+from .operating_point import JUMP, AnalysisRequest, OperatingPoint, refused_limit
 from .reduced import by_states, followed_unknowns, tied_step
 from .sensitivity import balanced_step, independent, place_in, unit_directions
 
 if TYPE_CHECKING:
+    from ..simulation.phase import Phase
     from ..simulation.segments.timeline import Segment
 
 SCHEMA = "bondgraph-run-sensitivity/1"
 RTOL = 1e-8
+GRAZING = 1e-6  # of the terms of a condition's rate: a slower crossing touches its threshold
 SAME_INSTANT = 1e-12  # relative difference of equal instants
 FINER, FINEST = 1e-2, 1e-12  # tolerance of the run in that of S, and the least one
 MOST_PARTS = 50_000  # pairs; where so many do not suffice, the run is not known well enough
@@ -127,9 +131,12 @@ class LinearizedDynamics:
         from ..simulation.phase import Phase, PhaseOptions
 
         program = made.program
-        if program.hybrid is not None or program.delays is not None:
+        hybrid = program.hybrid
+        acts = hybrid is not None and (hybrid.events or hybrid.modes.names or hybrid.counted or hybrid.junctions)
+        if acts or made.facts.valves or program.delays is not None:
             raise UsageError(
-                "BR239", "events, conditions on states and delays have no derivatives here: no sensitivities of runs are made of them",
+                "BR239", "events, whole numbers of states, switched junctions, ideal valves and delays have no derivatives here: "
+                "no sensitivities of runs are made of them",
             )  # fmt: skip
         if made.facts.claims:
             raise UsageError(
@@ -145,7 +152,11 @@ class LinearizedDynamics:
         self.leg = Phase(made, span, self.options)
         self.n, self.k = len(program.states.names), len(asked.by)
         self.loops = self.leg.constraints.loops()
-        self.mode, self.unknowns = self.leg.stretches[0].mode, self.leg.state[self.n :]
+        self.bent: set[Part] = set()  # parts in which a law has a kink
+        self.segments = self.leg.stretches
+        if hybrid is not None:  # conditions on states end more of them
+            self.segments = self._run(span).trajectory.pieces
+        self.mode, self.unknowns = self.segments[0].mode, self.leg.state[self.n :]
         lowered, quantities = made.compilation.lowered, made.compilation.state_space.quantities
         numbers = [quantities.get(name) for name in asked.by]
         columns = np.array([*range(len(self.leg.state)), *(len(self.leg.state) + numbers.index(v) for v in lowered.by)])
@@ -161,16 +172,23 @@ class LinearizedDynamics:
         self.unknowns = full[self.n :]
         return OperatingPoint(self.made, self.leg.constraints, full, self.mode, time, self.asked.by, self.values)
 
-    def _states(self, times: Array) -> Any:
-        """Return states and unknowns of the run at some instants, (t, n + m); keep those at the reported ones and where segments start."""
+    def _run(self, span: Array) -> Phase:
+        """Return a run that reports these instants."""
         from ..simulation.phase import Phase
         from ..simulation.segments.trajectory import empty
 
-        starts = np.array([s.start for s in self.leg.stretches])
-        span = np.unique(np.concatenate([[self.begins], self.instants, starts, times]))
-        self.leg = leg = Phase(self.made, span, self.options)
+        leg = Phase(self.made, span, self.options)
         leg.trajectory = empty(leg.program, span)
         leg.integrate(None)
+        return leg
+
+    def _states(self, times: Array) -> Any:
+        """Return states and unknowns of the run at some instants, (t, n + m); keep those at the reported ones and where segments start."""
+        starts = np.array([s.start for s in self.segments])
+        span = np.unique(np.concatenate([[self.begins], self.instants, starts, times]))
+        self.leg = leg = self._run(span)
+        if len(leg.trajectory.pieces or leg.stretches) != len(self.segments):
+            raise lost_at(self.begins)
         self.reported, self.starting, states = (
             leg.trajectory.states[np.searchsorted(span, at)] for at in (self.instants, starts, times)
         )
@@ -232,21 +250,23 @@ class LinearizedDynamics:
             raise UsageError(
                 "BR243", "an instant at which a signal jumps or bends moves with a parameter in a way that is not linear in time",
             )  # fmt: skip
-        stretches, moved = self.leg.stretches, dict[tuple[int, float], Array]()
+        stretches, moved = self.segments, dict[tuple[int, float], Array]()
         first, maps = self.begin() / self.size * self.own, dict[Part, tuple[Array, Array]]()
-        cuts, jumps = (*(s.stop for s in stretches), *self.instants.tolist()), list[Array]()
+        cuts, jumps = (*(s.stop for s in stretches), *self.instants.tolist()), list[tuple[Array, Array]]()
         parts = known.get(cuts) or [pair for number, s in enumerate(stretches) for pair in self._pairs(number, s)]
         while True:
             self._map({part for n, a, m, b in parts for part in ((n, a, b), (n, a, m), (n, m, b))} - maps.keys(), maps)
             jumps = jumps or self._over(*self._jumps())
             S, finer, number = first, [], 0
             for n, a, m, b in parts:
-                for jump in jumps[number:n]:
-                    S = S + jump
+                for P, q in jumps[number:n]:
+                    S = P @ S + q
                 number = n
                 (P, q), (P1, q1), (P2, q2) = maps[n, a, b], maps[n, a, m], maps[n, m, b]
                 moved[n, a], moved[n, m] = S, P1 @ S + q1
                 whole, S = P @ S + q, P2 @ moved[n, m] + q2
+                if not self.bent.isdisjoint(((n, a, m), (n, m, b))):  # no node may be on one side of a kink
+                    whole = moved[n, a]
                 error = (whole - S) / (self.rtol * (RELATIVE * np.abs(S) + ABSOLUTE))
                 if np.linalg.norm(error) <= math.sqrt(error.size):
                     finer.append((n, a, m, b))
@@ -258,8 +278,8 @@ class LinearizedDynamics:
                 raise lost_at(finer[-1][1])
             parts = finer
         known[cuts] = parts
-        for jump in jumps[number:]:
-            S = S + jump
+        for P, q in jumps[number:]:
+            S = P @ S + q
         moved[len(stretches) - 1, stretches[-1].stop] = S
         return self._seen(moved)
 
@@ -269,7 +289,7 @@ class LinearizedDynamics:
         jumps = [np.atleast_1d(program.instants(constants))]
         moving = [self._slopes_of("instants", lowered.instants)]
         if program.recurring is not None:
-            ends = np.array([s.stop for s in self.leg.stretches[:-1]])
+            ends = np.array([s.stop for s in self.segments[:-1]])
             pairs = np.reshape(program.recurring(constants), (-1, 2))
             slopes = self._slopes_of("recurring instants", [x for pair in lowered.recurring for x in pair])
             for (at_zero, rate), (by_zero, by_rate) in zip(pairs, slopes.reshape(len(pairs), 2, -1), strict=True):
@@ -302,13 +322,21 @@ class LinearizedDynamics:
         """Add the affine maps of S, in sizes of states and parameters, over some parts."""
         rows = np.array(sorted(parts)).reshape(-1, 3)
         start, stop = rows[:, 1], rows[:, 2]
-        times = start[:, None] + (stop - start)[:, None] * NODES
+        times = start[:, None] + (stop - start)[:, None] * np.array([0.0, *NODES])
         times[:, -1] = stop
-        states = self._states(times.ravel()).reshape(*times.shape, -1)
+        states, bends = self._states(times.ravel()).reshape(*times.shape, -1), self.made.program.bends
         for number in np.unique(rows[:, 0]).astype(int).tolist():
             own = np.flatnonzero(rows[:, 0] == number)
-            stretch, at, x = self.leg.stretches[number], times[own].ravel(), states[own].reshape(-1, states.shape[-1])
+            stretch, at, x = (
+                self.segments[number],
+                times[own, 1:].ravel(),
+                states[own, 1:].reshape(-1, states.shape[-1]),
+            )
             self.mode = stretch.mode
+            if bends is not None:
+                signs = np.signbit(bends(times[own], states[own], self.leg.inputs, self.leg.constants, self.mode))
+                bent = (signs != signs[:, :1]).any(axis=(1, 2))
+                self.bent |= {(number, float(start[i]), float(stop[i])) for i in own[bent]}
             if x.shape[1] > self.n:
                 for row in np.flatnonzero(at == stretch.stop):
                     x[row] = self.point(x[row], stretch.stop).state
@@ -318,30 +346,66 @@ class LinearizedDynamics:
             P, q = affine_steps((stop - start)[own], A.reshape(*shape, self.n), B.reshape(*shape, self.k))
             maps |= {(number, float(start[i]), float(stop[i])): (P[j], q[j]) for j, i in enumerate(own)}
 
-    def _over(self, jumps: Array, moving: Array) -> list[Array]:
-        """Return the jumps of S, in sizes, at the ends of segments that depend on parameters."""
-        stretches, steps = self.leg.stretches, []
-        for number, state in enumerate(self.starting):
-            time = stretches[number].start
-            self.mode, self.unknowns = stretches[number].mode, state[self.n :]
+    def _over(self, jumps: Array, moving: Array) -> list[tuple[Array, Array]]:
+        """Return the affine maps of S, in sizes, over the ends of segments."""
+        maps = []
+        for number, (segment, state) in enumerate(zip(self.segments, self.starting, strict=True)):
+            time, self.mode, self.unknowns = segment.start, segment.mode, state[self.n :]
             later = self.point(state, time)
-            later.rate_slopes(range(self.n))  # refuses kinks
+            if not self._flipped(number):
+                later.rate_slopes(range(self.n))  # refuses kinks
             if not number:
                 continue
+            self.mode = self.segments[number - 1].mode
+            earlier = self.point(state, time)
+            step = (earlier.rates - later.rates)[:, None] / self.size
             near = [i for i, t in enumerate(jumps) if abs(t - time) <= SAME_INSTANT * max(abs(time), 1e-300)]
-            way = moving[near[0]] if near else np.zeros(self.k)
-            if any((moving[i] != way).any() for i in near[1:]):
+            ways = [np.concatenate([np.zeros(self.n), moving[i]]) for i in near]
+            if np.abs(step).max(initial=0.0) > JUMP * np.abs(later.rates / self.size[:, 0]).max(initial=0.0):
+                ways += self._moved_crossings(earlier, self._flipped(number))
+            way = ways[0] if ways else np.zeros(self.n + self.k)
+            if any((np.abs(other - way) > SAME_INSTANT * np.abs(way)).any() for other in ways[1:]):
                 raise UsageError(
                     "BR245", f"at t = {time:.9g} s two instants meet that move with parameters each in its own way: there is no derivative",
                 )  # fmt: skip
-            self.mode = stretches[number - 1].mode
-            earlier = self.point(state, time)
-            steps.append(np.outer(earlier.rates - later.rates, way) / self.size * self.own)
-        return steps
+            maps.append((np.eye(self.n) + step * way[: self.n] * self.size.T, step * way[self.n :] * self.own))
+        return maps
+
+    def _flipped(self, number: int) -> list[int]:
+        """Return the conditions on states that end the segment before this one."""
+        if not number or self.made.program.hybrid is None:
+            return []
+        before, after = self.segments[number - 1].mode, self.segments[number].mode
+        return [k for k, c in enumerate(self.made.program.hybrid.conditions) if before[c.position] != after[c.position]]
+
+    def _moved_crossings(self, point: OperatingPoint, flipped: Sequence[int]) -> list[Array]:
+        """Return the derivatives (n + k,) of the instant at which conditions flip, by states and parameters; those that do not move before it follow
+        from others. Raises `UsageError`."""
+        located, width = self.made.compilation.lowered.events.located, self.n + self.k + 1
+        unit, crossings = np.eye(width), list[Array]()
+        ways = {Leaf("state", i): unit[i] for i in range(self.n)} | {Leaf("time", 0): unit[-1]}
+        ways |= unit_directions(self.made.compilation, self.asked.by, width, self.n)
+        for place in flipped:
+            root = located[place].root
+            (slope,) = point.tape(f"condition {place}", partial(list, (root,))).slopes(point.lookup, ways, width)[1]
+            if slope is None or not slope.any():
+                continue
+            terms = np.append(slope[: self.n] * point.rates, slope[-1])
+            behind = any(s.key.role == "state" and s.key.position >= self.n for s in symbols(root))
+            if behind or not abs(terms.sum()) > GRAZING * np.abs(terms).sum():
+                crossings = []
+                break
+            crossings.append(-slope[:-1] / terms.sum())
+        if flipped and not crossings:
+            raise UsageError(
+                "BR279", f"at t = {point.time:.9g} s the rates jump where a condition only touches its threshold, or reads what a loop decides: "
+                "there is no derivative",
+            )  # fmt: skip
+        return crossings
 
     def _seen(self, moved: Mapping[tuple[int, float], Array]) -> tuple[Array, Array]:
         """Return values and derivatives of the outputs at the instants, from the derivatives of the states by segment and time."""
-        times, states, stretches = self.instants, self.reported, self.leg.stretches
+        times, states, stretches = self.instants, self.reported, self.segments
         if self.leg.watch.warnings:
             raise refused_limit(self.leg.watch.warnings[0])
         numbers = np.searchsorted([s.start for s in stretches], times, "right") - 1
@@ -360,7 +424,7 @@ class LinearizedDynamics:
                 point = self.point(x[0], stretch.start)
                 x[0] = point.state
             by_state, by_parameter = self._slopes(times[rows], x, self.mode)
-            if starts:
+            if starts and not self._flipped(number):
                 by_state[0, -outputs:], by_parameter[0, -outputs:] = point.reduced.by_states(point.slopes([*variables]))
             S = np.array([moved[number, t] for t in times[rows].tolist()]) * self.size / self.own
             kept = slice(x.shape[1], by_state.shape[1] - outputs)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import bondgraph
 from bondgraph.analysis.linear import linearization
@@ -75,7 +76,10 @@ def test_backlash(place: float, stiffness: float, target: str) -> None:
         expected = [[-(1 + r) / 2, -k, 1.0], [0.5, 0.0, 0.0]]  # of mass.p and lash.flank.x, and by push
         found = linear(model, target, settings, ("push",))
         assert found == pytest.approx(np.array(expected), rel=1e-9, abs=1e-9), half
-        no_run_derivative(model, settings)
+        pushed = model.sensitivity_of_run("push", settings=settings, to=1e-6, points=2, outputs=["x"])
+        assert pushed.slopes[1, 0, 0] == pytest.approx(
+            expm(1e-6 * np.array([*expected, [0.0, 0.0, 0.0]]))[1, 2], rel=1e-6
+        )
     refused(model, "BR263", "lash", {"at": place * 1e-3, "play": 2 * abs(place) * 1e-3, "k": stiffness})
 
 
