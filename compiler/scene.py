@@ -223,6 +223,7 @@ class RunMetadata:
     shown: Mapping[str, int]  # outputs that are states or unknowns -> which
     units: Mapping[str, str]  # of quantities set when a run begins
     positive: tuple[tuple[str, Formula], ...]  # expressions that must not be negative, over parameters by name
+    truths: frozenset[str]
     looped: frozenset[str]  # quantities set when a run begins, on which the solution of a linear loop depends
     identity: str = ""  # of the equations: a run continues only from a result of the same
     # Variables and outputs that share a state: the state, and the factor if no parameter determines it.

@@ -118,7 +118,7 @@ def settle_all(
     for row, point in enumerate(points):
         some = [_number(point[name]) for name in points[0]] if point.keys() == points[0].keys() else []
         if some and all(
-            n is not None and n.value and _has_unit(facts, name, n) for name, n in zip(names, some, strict=True)
+            n is not None and n.value and _is_allowed(facts, name, n) for name, n in zip(names, some, strict=True)
         ):
             these = [n.value for n in some if n is not None]
             if not looped or _solves_loops(compiled_scene.compilation, dict(zip(names, these, strict=True))):
@@ -162,10 +162,10 @@ def _stay_positive(expressions: Iterable[Expression], values: Mapping[str, float
         return False
 
 
-def _has_unit(facts: RunMetadata, name: str, number: _Number) -> bool:
-    """Return True if a number is finite, and its unit is that of a quantity."""
+def _is_allowed(facts: RunMetadata, name: str, number: _Number) -> bool:
+    """Return True if a number is finite, its unit is that of a quantity, and a truth is 0 or 1."""
     unit = facts.units[name]
-    if not abs(number.value) < float("inf"):
+    if not abs(number.value) < float("inf") or (name in facts.truths and number.value not in (0, 1)):
         return False
     return number.unit is None or number.unit == unit or _scale_of(number.unit).dimension == _scale_of(unit).dimension
 
@@ -260,5 +260,5 @@ def _argument(name: str) -> Override:
 
 def _fits(facts: RunMetadata, numbers: Mapping[str, _Number], values: Mapping[str, float]) -> bool:
     """Return True if the units are right, the numbers are finite, and quantities that must not be negative are not."""
-    units = all(_has_unit(facts, name, number) for name, number in numbers.items())
+    units = all(_is_allowed(facts, name, number) for name, number in numbers.items())
     return units and _stay_positive({x for _, x in facts.positive}, values)

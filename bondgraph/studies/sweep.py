@@ -25,11 +25,13 @@ def sweep(
     check_steps(study.of, "a sweep")
     compilation = study.run.compilation(model)
     plan, words = compilation.plan, {n: compilation.choices[n] for n in values if n in compilation.choices}
+    counted = {name: dict(zip(some, itertools.count(1.0))) for name, some in words.items()}
+    counted |= {name: {"false": 0.0, "true": 1.0} for name in values if name in compilation.truths}
     units = units_of(
-        model, {n: some for n, some in values.items() if n not in words}, study.run.experiment, study.run.settings
+        model, {n: some for n, some in values.items() if n not in counted}, study.run.experiment, study.run.settings
     )
     numbers = {
-        name: _places(some, words[name], name) if name in words else _numbers(some, units[name], name)
+        name: _places(some, counted[name], name) if name in counted else _numbers(some, units[name], name)
         for name, some in values.items()
     }
     units = {name: units.get(name, "1") for name in values}
@@ -50,12 +52,12 @@ def sweep(
     return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes, words)
 
 
-def _places(values: str | Sequence[str | float], words: Sequence[str], name: str) -> tuple[float, ...]:
-    """Return the numbers of words, from 1. Raises `UsageError`."""
+def _places(values: str | Sequence[str | float], words: Mapping[str, float], name: str) -> tuple[float, ...]:
+    """Return the numbers of words. Raises `UsageError`."""
     some = values.split(",") if isinstance(values, str) else values
-    numbers: dict[str | float, float] = {word: i for i, word in enumerate(words, 1)} | {
-        i: float(i) for i in range(1, len(words) + 1)
-    }
+    numbers: dict[str | float, float] = {}
+    for word, number in words.items():
+        numbers |= {word: number, f"{number:g}": number, number: number}
     stripped = [v.strip() if isinstance(v, str) else v for v in some]
     if wrong := [v for v in stripped if v not in numbers]:
         raise UsageError("BR499", f"`{name}` cannot be `{wrong[0]}`;", f"it can be {', '.join(words)}")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import bondgraph
 from bondgraph.compiled_scene import chosen_target
+from bondgraph.errors import UsageError
 from bondgraph.simulation.settings import settle
+from compiler.errors import CompilationFailed
 from tests.compiling import MODELS
 
 LOSSY = """
@@ -213,3 +216,26 @@ def test_zeros_of_a_mechanism_and_of_resistors() -> None:
     net = "model A {\n parameter r: ohm = 2, s: ohm = 3\n Se u : u = 1 V\n R a : u = r*i\n R b : u = s*i\n C q : u = q/(1 F)\n u -> 1(a, 0(q, b))\n output y = q.u\n}"
     assert bondgraph.load(net).simulate(to=1, settings={"r": 0}).final("y") == 1
     assert bondgraph.load(net).simulate(to=1, settings={"s": 0}).final("y") == 0
+
+
+def test_a_truth_is_no_other_number() -> None:
+    text = "model T {{\n  parameter stiff = true\n  {}output x = 1 if stiff else 0\n  experiment e {{ {}simulate 0 .. 1 s }}\n}}\n"
+    model = bondgraph.load(text.format("", ""))
+    for value, x in [(True, 1), (False, 0), (1, 1), (0.0, 0), ("true", 1), ("1 > 2", 0)]:
+        assert model.simulate(settings={"stiff": value}).final("x") == x
+    for wrong in [0.5, -1, 2, "0.5", "2"]:
+        with pytest.raises(CompilationFailed, match="`stiff` of `T` cannot be"):
+            model.simulate(settings={"stiff": wrong})
+    assert [d.code for d in bondgraph.check(text.format("", "set stiff = 0.5; "))] == ["BG122"]
+    part = "model P { parameter stiff = true; output x = 1 if stiff else 0 }\nmodel Q { P p { stiff = 3 }; output x = p.x }\n"
+    assert [d.code for d in bondgraph.check(part, "Q")] == ["BG122"]
+
+
+@pytest.mark.parametrize("values", ["false, true", "0, 1", [False, True], [0, 1.0]])
+def test_a_sweep_compares_both_truths(values: Any) -> None:
+    model = bondgraph.load(
+        "model T {\n  parameter stiff = true\n  output x = 1 if stiff else 0\n  experiment e { simulate 0 .. 1 s }\n}\n"
+    )
+    assert [p.run.final("x") for p in model.sweep({"stiff": values}).points] == [0, 1]
+    with pytest.raises(UsageError, match="it can be false, true"):
+        model.sweep({"stiff": [0, 0.5]})

@@ -224,7 +224,15 @@ class QuantityResolver(MemoryResolver):
         entered = self._settled(pending, override, declared, unit)
         # The default also says whether it is a truth: a place of the text that reads it is compiled once for all instances.
         truth = isinstance(default, Typed) and default.truth
-        return replace(entered, truth=truth) if isinstance(entered, Scalar) else entered
+        if not isinstance(entered, Scalar):
+            return entered
+        number = getattr(self.quantities.get(pending.name), "value", None)
+        if truth and number not in (None, 0.0, 1.0):
+            words = f"{number:g}"
+            raise Wrong(
+                WrongValue(item.span, item.name, pending.owner.definition.name, words, "It is `true` or `false`.")
+            )
+        return replace(entered, truth=truth)
 
     def _choice(self, pending: Pending, override: Override | None) -> Scalar:
         """A parameter that is one of several words: the number of its word, from 1, which is never an argument of a program."""
