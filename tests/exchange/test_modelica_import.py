@@ -239,6 +239,7 @@ HOSTILE = {
     "long sum": "".join(f"Real x{i} = {i};" for i in range(1000)) + "Real y; equation y = " + " + ".join(f"x{i}" for i in range(1000)) + ";",
     "no end": "Real x; /*" * 1000,
     "names": "Real '__import__(\"os\").system(\"x\")' = 1; Real 'a\x1b[31m' = 2; Real time2(unit = \"]) import os\") = 1; /* \x00 */",
+    "conditions": "Real x(start = 1); discrete Real n; equation der(x) = 1; when {" + ", ".join(f"x > {i}" for i in range(1000)) + "} then n = 1; end when;",
     "parameters": "parameter Real p0 = 1;" + "".join(f"parameter Real p{i} = p{i - 1} + p{i - 1};" for i in range(1, 60)) + "Real x(start = 1);"
     " equation der(x) = 1; when x > p59 then reinit(x, 0); end when;",
 }  # fmt: skip

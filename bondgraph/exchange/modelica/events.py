@@ -21,7 +21,7 @@ from .system import SortedSystem, inlined
 from .tree import FALSE, TRUE, Term, is_call, joined, named, names_in, negated, rebuilt, walk
 
 STARTED, WAS = "started\n", "was\n"  # no name of a file has a line break
-MAXIMUM_WHENS = 500
+MAXIMUM_WHENS, MAXIMUM_CONDITIONS = 500, 30
 ONLY_PRE = "Read it by `pre(…)`, or set both in one `when`."
 
 
@@ -120,6 +120,9 @@ class _EventFinder:
                 self._sample(when, *sample.parts)
                 return
             conditions += [item.parts[0], negated(item.parts[0])] if is_call(item, "change") else [item]
+        if len(conditions) > MAXIMUM_CONDITIONS:
+            self.model.refuse(when.place, f"a `when` has more than {MAXIMUM_CONDITIONS} conditions", "Divide it.")
+            return
         plain = [self.before(c) for c in conditions]
         reads_edges = any(is_call(t, "edge") for s in when.settings.values() for t in walk(s))
         if len(plain) == 1 and self.values.value(plain[0]) == 0 and not reads_edges:

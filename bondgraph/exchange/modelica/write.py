@@ -17,6 +17,8 @@ from .system import SortedSystem
 from .tree import FALSE, ZERO, ComponentDeclaration, Term, named, names_in
 from .units import ONE, Dimensions, declared_dimension
 
+SEPARATE = 20  # states without a dimension that are bare numbers one after the other, others all at once
+
 
 @dataclass(frozen=True, slots=True)
 class SortedModel:
@@ -56,7 +58,7 @@ class _ModelWriter:
         for name, dimension in units.items():
             if dimension is not None:
                 dimensions.set(name, dimension)
-        open_states = [name for name in m.form.states if units[name] is None]
+        open_states = [name for name in m.form.states if units[name] is None][:SEPARATE]
         for name in ["time", *open_states] if not dimensions.is_plain else ():
             if name == "time" or name not in dimensions.of:
                 dimensions.set(name, ONE)
