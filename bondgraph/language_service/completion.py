@@ -6,29 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from compiler.api import (
-    ANALYSIS_STEPS,
-    BUNDLES,
-    DOMAINS,
-    ELEMENTS,
-    HELD,
-    SOLVERS,
-    DeclaredName,
-    Dimension,
-    EditedFile,
-    FileScope,
-    FileSurvey,
-    NameTable,
-    PartEntry,
-    attributes_of,
-    file_names,
-    freedoms_of,
-    kinds_of,
-    names_inside,
-    parts_of,
-    table_of,
-    tree,
-)
+from compiler import api
+from compiler.api import tree
 
 from .answers import Suggestion
 from .context import Context, context_at, path_before
@@ -56,11 +35,11 @@ PART_UNITS = {
 class CursorPlace:
     """Everything that decides what may stand at the cursor."""
 
-    document: EditedFile
-    survey: FileSurvey
+    document: api.EditedFile
+    survey: api.FileSurvey
     context: Context
     model: tree.ModelSyntax | None
-    names: NameTable
+    names: api.NameTable
 
     @property
     def home(self) -> str:
@@ -68,7 +47,7 @@ class CursorPlace:
         return "" if self.model is None else self.model.name
 
     @property
-    def file(self) -> FileScope:
+    def file(self) -> api.FileScope:
         return self.survey.file
 
 
@@ -94,7 +73,7 @@ def place_at(workspace: Workspace, path: Path, at: int) -> CursorPlace:
     context = context_at(document.text[start:], at - start)
     head = next((b for b in context.blocks if b and b[0].text in ("model", "plain")), ())
     model = document.tree.models.get(head[-1].text) if head else None
-    return CursorPlace(document, survey, context, model, {} if model is None else table_of(model))
+    return CursorPlace(document, survey, context, model, {} if model is None else api.table_of(model))
 
 
 def _offered(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
@@ -144,11 +123,11 @@ def _in_model(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
         _is_declaration(place) and _behind_colon(context) and len(context.statement) == context_colon(context) + 1
     ):
         yield from _domains()
-        yield from _law(place) if first in ELEMENTS else ()
+        yield from _law(place) if first in api.ELEMENTS else ()
         yield from _expression(place) if first not in JUNCTIONS and first != "port" else ()
     elif _is_bond(context):
         yield from _names(place, PLACES)
-    elif first in ELEMENTS and _behind_colon(context):
+    elif first in api.ELEMENTS and _behind_colon(context):
         yield from _law(place)
         yield from _expression(place)
     elif first in _WITH_EXPRESSIONS:
@@ -159,12 +138,12 @@ def _in_model(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
 
 def _is_declaration(place: CursorPlace) -> bool:
     first = place.context.first
-    return first in ELEMENTS or first in JUNCTIONS or first in place.file.models
+    return first in api.ELEMENTS or first in JUNCTIONS or first in place.file.models
 
 
 def _is_bond(context: Context) -> bool:
     arrows = [w.text in ("->", "=>") for w in context.statement]
-    others = (*ELEMENTS, *_WITH_EXPRESSIONS)
+    others = (*api.ELEMENTS, *_WITH_EXPRESSIONS)
     return any(arrows) or (context.last in (",", "(") and context.first not in others and len(context.statement) > 0)
 
 
@@ -183,14 +162,14 @@ def _behind_colon(context: Context) -> bool:
 
 
 def _domains() -> Iterator[Suggestion]:
-    for name, domain in DOMAINS.items():
+    for name, domain in api.DOMAINS.items():
         letters = " ".join(letter or "-" for letter in domain.letters)
         yield Suggestion(name, "domain", f"{letters}: {domain.effort}, {domain.flow}")
-    yield from (Suggestion(name, "domain", " ".join(parts)) for name, parts in BUNDLES.items())
+    yield from (Suggestion(name, "domain", " ".join(parts)) for name, parts in api.BUNDLES.items())
 
 
 def _kinds(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
-    for kind, row in ELEMENTS.items():
+    for kind, row in api.ELEMENTS.items():
         snippet = f"{kind} ${{1:name}} : ${{0:{row.example}}}"
         yield Suggestion(kind, "kind", row.relates, kind_text(kind), snippet, True)
     for kind, text in JUNCTIONS.items():
@@ -204,10 +183,10 @@ def _kinds(workspace: Workspace, place: CursorPlace) -> Iterator[Suggestion]:
 def _law(place: CursorPlace) -> Iterator[Suggestion]:
     """Letters of the element whose law is written."""
     name = place.context.statement[1].text if len(place.context.statement) > 1 else ""
-    row = ELEMENTS[place.context.first]
+    row = api.ELEMENTS[place.context.first]
     domains = ports(place.survey, place.home, name)
     if not domains:
-        letters = {d.letter(v): d for d in DOMAINS.values() if d.typed for v in row.variables if d.letter(v)}
+        letters = {d.letter(v): d for d in api.DOMAINS.values() if d.typed for v in row.variables if d.letter(v)}
         yield from (Suggestion(letter, "variable", domain.name) for letter, domain in letters.items())
     for port, domain in domains.items():
         for variable in row.variables:
@@ -227,7 +206,7 @@ def _names(place: CursorPlace, kinds: Iterable[str]) -> Iterator[Suggestion]:
     yield from map(_named, sorted(listed, key=lambda name: order.index(name.kind)))
 
 
-def _named(name: DeclaredName) -> Suggestion:
+def _named(name: api.DeclaredName) -> Suggestion:
     value = name.node.value if isinstance(name.node, tree.Item) else None
     shown = f"= {value.span.words}" if value is not None and name.kind != "output" else ""
     return Suggestion(name.name, name.kind, " ".join(filter(None, (name.type, shown))), name.description)
@@ -235,10 +214,10 @@ def _named(name: DeclaredName) -> Suggestion:
 
 def _expression(place: CursorPlace) -> Iterator[Suggestion]:
     yield from (_named(n) for n in place.names.values() if n.kind != "function")
-    for name in file_names(place.file).values():
+    for name in api.file_names(place.file).values():
         if name.kind == "constant":
             yield _named(name)
-    functions = {n.name for n in (*place.names.values(), *file_names(place.file).values()) if n.kind == "function"}
+    functions = {n.name for n in (*place.names.values(), *api.file_names(place.file).values()) if n.kind == "function"}
     yield from (Suggestion(f, "function", "", "", f"{f}($0)", True) for f in functions)
     yield from _functions()
     yield from (Suggestion(w, "keyword") for w in WORDS_OF_EXPRESSIONS)
@@ -258,12 +237,12 @@ def _members(place: CursorPlace) -> Iterator[Suggestion]:
         if name is None:
             return
         owner = name.owner[0] if name.owner else owner
-        names, file = names_inside(name, file)
+        names, file = api.names_inside(name, file)
     if name is None:
         return
     bond = _is_bond(place.context) or len(place.context.statement) == 2 * len(path)
     for inner in names.values():
-        if inner.span.unit is not None and inner.name.startswith(HELD):
+        if inner.span.unit is not None and inner.name.startswith(api.HELD):
             continue  # what a run exchanges with the unit
         if not bond or inner.kind in ("port", "component", "part"):
             yield _named(inner)
@@ -273,18 +252,18 @@ def _members(place: CursorPlace) -> Iterator[Suggestion]:
         yield from _readable(place, name, owner)
 
 
-def _coordinates(place: CursorPlace, part: DeclaredName) -> Iterator[Suggestion]:
+def _coordinates(place: CursorPlace, part: api.DeclaredName) -> Iterator[Suggestion]:
     mechanism = place.names.get(part.owner[-1])
     planar = mechanism is None or mechanism.type != "spatial"
-    yield from (Suggestion(c, "port", "coordinate") for c in freedoms_of(part.type, planar))
+    yield from (Suggestion(c, "port", "coordinate") for c in api.freedoms_of(part.type, planar))
     entry = entry_of(place.survey, place.home, part.owner[-1])
     inner = getattr(getattr(entry, "parts", None), "entries", {}).get(part.name)
-    if isinstance(inner, PartEntry):
+    if isinstance(inner, api.PartEntry):
         yield from (Suggestion(group, "variable", " ".join(names)) for group, names in inner.groups.items())
 
 
-def _readable(place: CursorPlace, name: DeclaredName, owner: str) -> Iterator[Suggestion]:
-    row = ELEMENTS.get(name.type)
+def _readable(place: CursorPlace, name: api.DeclaredName, owner: str) -> Iterator[Suggestion]:
+    row = api.ELEMENTS.get(name.type)
     words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
     for port, domain in ports(place.survey, owner, name.name).items():
         readable = row.readable if row is not None else {"0": "e", "1": "f"}.get(name.type, "ef")
@@ -309,7 +288,7 @@ def _experiment(place: CursorPlace) -> Iterator[Suggestion]:
         yield from _names(place, ("output", "element", "junction", "instance", "mechanism", "signal", "input"))
     elif context.last == "simulate":
         yield Suggestion("0 .. 1 s", "keyword", "from .. to", "", "0 .. ${0:1 s}", True)
-    elif context.first in ANALYSIS_STEPS and context.last != "=":
+    elif context.first in api.ANALYSIS_STEPS and context.last != "=":
         yield from _names(place, ("parameter", "input", "output", "signal", "instance"))
         yield from (Suggestion(w, "keyword") for w in ("to", "over"))
     else:
@@ -322,8 +301,8 @@ def _mechanism(place: CursorPlace) -> Iterator[Suggestion]:
     mechanism = place.names.get(block[1].text) if len(block) > 1 else None
     planar = not any(word.text == "spatial" for word in block)
     if not context.statement:
-        for kind in kinds_of(planar):
-            listed = ", ".join(attributes_of(kind, planar))
+        for kind in api.kinds_of(planar):
+            listed = ", ".join(api.attributes_of(kind, planar))
             form = (
                 " : ${2:ground} to ${3:body}" if kind not in ("body", "frame") else " : ${2:body}" * (kind == "frame")
             )
@@ -333,13 +312,13 @@ def _mechanism(place: CursorPlace) -> Iterator[Suggestion]:
         yield Suggestion("ground", "keyword")
         yield Suggestion("to", "keyword")
         if mechanism is not None and isinstance(mechanism.node, tree.MechanismSyntax):
-            yield from (_named(n) for n in parts_of(mechanism.node, mechanism.owner).values())
+            yield from (_named(n) for n in api.parts_of(mechanism.node, mechanism.owner).values())
         yield from _expression(place)
 
 
 def _simulate(place: CursorPlace) -> Iterator[Suggestion]:
     if [w.text for w in place.context.statement[-2:]] == ["solver", "="]:
-        yield from (Suggestion(name, "solver") for name in SOLVERS)
+        yield from (Suggestion(name, "solver") for name in api.SOLVERS)
     elif not place.context.statement or place.context.last == ",":
         yield from _keywords("simulate")
     else:
@@ -347,7 +326,7 @@ def _simulate(place: CursorPlace) -> Iterator[Suggestion]:
 
 
 def _analysis(place: CursorPlace) -> Iterator[Suggestion]:
-    row = ANALYSIS_STEPS[place.context.head]
+    row = api.ANALYSIS_STEPS[place.context.head]
     if not place.context.statement or place.context.last == ",":
         words = (*(name for name, _, _ in row.counts), *row.truths, *row.named)
         yield from (Suggestion(word, "attribute") for word in words)
@@ -367,7 +346,7 @@ _BLOCKS: Mapping[str, Callable[[CursorPlace], Iterator[Suggestion]]] = {
     "simulate": _simulate,
     "when": _resets,
     "every": _resets,
-    **dict.fromkeys(ANALYSIS_STEPS, _analysis),
+    **dict.fromkeys(api.ANALYSIS_STEPS, _analysis),
 }
 
 
@@ -377,7 +356,7 @@ def _attributes(place: CursorPlace) -> Iterator[Suggestion]:
     words = context.statement
     if context.last == ",":
         words = words[[w.text for w in words].index(",") + 1 :]
-    if context.last in ("start", "nominal") and context.head in ELEMENTS:
+    if context.last in ("start", "nominal") and context.head in api.ELEMENTS:
         name = place.names.get(context.blocks[-1][1].text)
         readable = list(_readable(place, name, place.home)) if name is not None else []
         yield from readable or _letters_of_law(context)
@@ -388,27 +367,27 @@ def _attributes(place: CursorPlace) -> Iterator[Suggestion]:
         return
     definition = place.file.models.get(context.head)
     if definition is not None:
-        for name in table_of(definition.model).values():
+        for name in api.table_of(definition.model).values():
             if name.kind in ("parameter", "input"):
                 item = _named(name)
                 yield Suggestion(item.label, item.kind, item.detail, item.documentation, f"{name.name} = ", False)
     elif _in_mechanism(context):
         planar = not any(word.text == "spatial" for block in context.blocks for word in block[:5])
-        if context.head in kinds_of(planar):
-            yield from (Suggestion(a, "attribute", "", "", f"{a} = ") for a in attributes_of(context.head, planar))
+        if context.head in api.kinds_of(planar):
+            yield from (Suggestion(a, "attribute", "", "", f"{a} = ") for a in api.attributes_of(context.head, planar))
     elif context.head in JUNCTIONS:
         yield from (
             Suggestion(k.word, "attribute", "", k.text, k.snippet, True) for k in KEYWORDS if "junction" in k.place
         )
-    elif context.head in ELEMENTS:
+    elif context.head in api.ELEMENTS:
         yield from _keywords("attribute")
 
 
 def _letters_of_law(context: Context) -> Iterator[Suggestion]:
     """Letters of an element whose line cannot be read yet, in the domain that has most of those that it uses."""
     words = {w.text for w in context.blocks[-1]}
-    domain = max((d for d in DOMAINS.values() if d.typed), key=lambda d: len(words.intersection(d.letters)))
-    for variable in ELEMENTS[context.head].readable:
+    domain = max((d for d in api.DOMAINS.values() if d.typed), key=lambda d: len(words.intersection(d.letters)))
+    for variable in api.ELEMENTS[context.head].readable:
         if domain.letter(variable) in words:
             yield Suggestion(domain.letter(variable), "variable", f"in {domain.dimension(variable)}")
 
@@ -441,7 +420,7 @@ def _declares_unit(context: Context) -> bool:
     return False
 
 
-def _wanted_dimension(place: CursorPlace) -> Dimension | None:
+def _wanted_dimension(place: CursorPlace) -> api.Dimension | None:
     """Dimension that a quantity at the cursor must have, if the statement tells."""
     context = place.context
     words = [w.text for w in context.statement]
@@ -457,13 +436,13 @@ def _wanted_dimension(place: CursorPlace) -> Dimension | None:
         return None
     definition = place.file.models.get(context.head)
     if definition is not None and len(context.blocks) > 1:
-        inner = table_of(definition.model).get(names[-1].text)
+        inner = api.table_of(definition.model).get(names[-1].text)
         return None if inner is None else declared_dimension(inner, place.survey, definition.name)
     if _in_mechanism(context) and names[-1].text in PART_UNITS:
         return dimension_of(PART_UNITS[names[-1].text])
-    if context.head in ELEMENTS and names[0].text in ("start", "nominal"):
+    if context.head in api.ELEMENTS and names[0].text in ("start", "nominal"):
         return _letter_dimension(place, context.blocks[-1][1].text, names[-1].text)
-    if context.first in ELEMENTS and len(words) - equals <= 2:
+    if context.first in api.ELEMENTS and len(words) - equals <= 2:
         return _letter_dimension(place, words[1], names[-1].text)
     if context.first in ("parameter", "constant", "input", "signal", "output"):
         comma = max((i for i, word in enumerate(words[:equals]) if word == ","), default=0)
@@ -473,18 +452,18 @@ def _wanted_dimension(place: CursorPlace) -> Dimension | None:
     return _dimension_of_words(place, context.statement[:equals])
 
 
-def _letter_dimension(place: CursorPlace, element: str, letter: str) -> Dimension | None:
+def _letter_dimension(place: CursorPlace, element: str, letter: str) -> api.Dimension | None:
     for domain in ports(place.survey, place.home, element).values():
         variable = domain.variable(letter) or domain.variable(letter[:-1])
         if variable is not None:
             return domain.dimension(variable)
-    usual: set[Dimension] = {
-        d.dimension(v) for d in DOMAINS.values() if d.guessed and (v := d.variable(letter)) and letter not in "efqp"
+    usual: set[api.Dimension] = {
+        d.dimension(v) for d in api.DOMAINS.values() if d.guessed and (v := d.variable(letter)) and letter not in "efqp"
     }
     return next(iter(usual)) if len(usual) == 1 else None
 
 
-def _dimension_of_words(place: CursorPlace, words: tuple[object, ...]) -> Dimension | None:
+def _dimension_of_words(place: CursorPlace, words: tuple[object, ...]) -> api.Dimension | None:
     """Dimension of the last path among the words: a name, or `spring.x`."""
     texts = [getattr(w, "text", "") for w in words]
     if not texts:

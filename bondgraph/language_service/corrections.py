@@ -11,7 +11,7 @@ from pathlib import Path
 from compiler.api import Diagnostic, Project
 
 from .answers import Correction
-from .correction_rules import MEANT, RULES, Candidate
+from .correction_rules import MEANT, RULES, Candidate, WrongText
 from .navigation import edited
 from .workspace import Workspace, place_of
 
@@ -37,9 +37,9 @@ def _touches(diagnostic: Diagnostic, start: int, end: int) -> bool:
 def corrections_of(workspace: Workspace, path: Path, diagnostic: Diagnostic, errors: int) -> list[Correction]:
     """Return the corrections of one error of a file that has so many."""
     document = workspace.project.document(path)
-    tried: dict[str, Candidate] = {}
+    error, tried = WrongText(workspace, path, document.text, diagnostic), dict[str, Candidate]()
     for rule in RULES:
-        for title, edits in rule(workspace, path, document.text, diagnostic):
+        for title, edits in rule(error):
             tried.setdefault(edited(document.text, list(edits), path), (title, edits))
     tried.pop(document.text, None)
     offered: list[Correction] = []

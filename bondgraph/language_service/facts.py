@@ -4,24 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
-from compiler.api import (
-    CompilationFailed,
-    DeclaredName,
-    ElementEntry,
-    PartEntry,
-    Source,
-    path_of,
-    read_unit,
-    scale_of,
-    tree,
-)
+from compiler import api
+from compiler.api import tree
 
 from ..presentation.text.causality import CausalityExplanation, explain
-
-if TYPE_CHECKING:
-    from compiler.api import Compilation, Dimension, Domain, FileSurvey, Scale
 
 
 def number(value: float) -> str:
@@ -29,12 +16,12 @@ def number(value: float) -> str:
     return f"{value:.12g}"
 
 
-def scale(unit: tree.Unit | None) -> Scale | None:
+def scale(unit: tree.Unit | None) -> api.Scale | None:
     """Scale of a unit as written; None if there is none, or it is no unit."""
     if unit is None or any(symbol == "model" for symbol, _, _ in unit.factors):
         return None
     try:
-        return scale_of(unit)
+        return api.scale_of(unit)
     except Exception as problem:  # an error of the text that its diagnostics tell
         if type(problem).__name__ != "Wrong":
             raise
@@ -58,7 +45,7 @@ def in_author_unit(value: float, unit: str, written: tree.Unit | None) -> str:
     return f"{number(factor.from_si(value))} {written.span.words} = {own}"
 
 
-def quantity_line(name: DeclaredName, survey: FileSurvey, home: str, reading: str) -> str:
+def quantity_line(name: api.DeclaredName, survey: api.FileSurvey, home: str, reading: str) -> str:
     """Unit and value of a quantity, as a model reads it; empty if the compiler has not found any."""
     checked = survey.models.get(home)
     if checked is None or checked.parts is None:
@@ -79,12 +66,12 @@ def quantity_line(name: DeclaredName, survey: FileSurvey, home: str, reading: st
     return f"in {named.unit}" if named.unit != "1" else "a bare number"
 
 
-def domain_line(domain: Domain, variables: str) -> str:
+def domain_line(domain: api.Domain, variables: str) -> str:
     """Letters of a domain with their units."""
     return ", ".join(f"`{domain.letter(v)}` in {domain.dimension(v)}" for v in variables)
 
 
-def entry_of(survey: FileSurvey, home: str, name: str) -> object | None:
+def entry_of(survey: api.FileSurvey, home: str, name: str) -> object | None:
     """Meaning of a name of a model, as it was elaborated: that of the first item of an array."""
     checked = survey.models.get(home)
     entry = None if checked is None or checked.scope is None else checked.scope.entries.get(name)
@@ -92,22 +79,22 @@ def entry_of(survey: FileSurvey, home: str, name: str) -> object | None:
     return next(iter(items.values()), None) if isinstance(items, dict) else entry
 
 
-def ports(survey: FileSurvey, home: str, name: str) -> Mapping[str, Domain]:
+def ports(survey: api.FileSurvey, home: str, name: str) -> Mapping[str, api.Domain]:
     """Ports of an element, junction or part with their domains."""
     entry = entry_of(survey, home, name)
-    return entry.ports if isinstance(entry, ElementEntry | PartEntry) else {}
+    return entry.ports if isinstance(entry, api.ElementEntry | api.PartEntry) else {}
 
 
-def strokes(compilation: Compilation) -> CausalityExplanation | None:
+def strokes(compilation: api.Compilation) -> CausalityExplanation | None:
     """Explanation of all strokes of a model; None if it has none."""
     try:
         return explain(compilation)
-    except CompilationFailed:
+    except api.CompilationFailed:
         return None
 
 
 def stroke_lines(
-    name: DeclaredName, compilation: Compilation | None, why: CausalityExplanation | None
+    name: api.DeclaredName, compilation: api.Compilation | None, why: CausalityExplanation | None
 ) -> Iterator[str]:
     """Strokes at an element, with the reason of each, and the form of a storage."""
     if compilation is None or why is None:
@@ -116,7 +103,7 @@ def stroke_lines(
     own = [
         i
         for i, node in enumerate(graph.nodes)
-        if node.span.offset == name.span.offset and path_of(node.span) == name.path
+        if node.span.offset == name.span.offset and api.path_of(node.span) == name.path
     ]
     for node in own[:1]:
         for bond in graph.incident[node][:6]:
@@ -133,15 +120,15 @@ def stroke_lines(
         yield f"as in the first of {len(own)} instances"
 
 
-def dimension_of(unit: str) -> Dimension | None:
+def dimension_of(unit: str) -> api.Dimension | None:
     """Dimension of a unit as a text; None for what is no unit."""
     try:
-        return read_unit(Source("unit", unit)).dimension
-    except CompilationFailed:
+        return api.read_unit(api.Source("unit", unit)).dimension
+    except api.CompilationFailed:
         return None
 
 
-def declared_dimension(name: DeclaredName, survey: FileSurvey, home: str) -> Dimension | None:
+def declared_dimension(name: api.DeclaredName, survey: api.FileSurvey, home: str) -> api.Dimension | None:
     """Dimension of a quantity: as the compiler found it, else by the unit that its declaration has."""
     checked = survey.models.get(home)
     if checked is not None and checked.parts is not None:

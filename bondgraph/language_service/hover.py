@@ -6,19 +6,8 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
-from compiler.api import (
-    DOMAINS,
-    ELEMENTS,
-    UNITS,
-    DeclaredName,
-    FileSurvey,
-    NameUse,
-    Span,
-    first_text,
-    model_of,
-    table_of,
-    tree,
-)
+from compiler import api
+from compiler.api import tree
 
 from .answers import HoverText
 from .context import WORD
@@ -43,7 +32,7 @@ def hover(workspace: Workspace, path: Path, at: int) -> HoverText | None:
             break
         text = _word_text(match[0]) if at <= match.end() and match.lastgroup in ("name", "number") else ""
         if text:
-            place = place_of(Span(document.tree.source, match.start(), match.end()))
+            place = place_of(api.Span(document.tree.source, match.start(), match.end()))
             return HoverText(place, text)
     return None
 
@@ -60,13 +49,13 @@ def _word_text(word: str) -> str:
 
 
 def _domain_text(word: str) -> str:
-    domain = DOMAINS.get(word)
+    domain = api.DOMAINS.get(word)
     if domain is None:
         return ""
     return f"**{word}**, a domain\n\n{domain_line(domain, 'efqp' if domain.letters[3] else 'efq')}"
 
 
-def _lines(workspace: Workspace, path: Path, occurrence: NameUse, survey: FileSurvey) -> Iterator[str]:
+def _lines(workspace: Workspace, path: Path, occurrence: api.NameUse, survey: api.FileSurvey) -> Iterator[str]:
     name = occurrence.name
     if name is None:
         yield from filter(None, [_builtin(occurrence, survey)])
@@ -75,7 +64,7 @@ def _lines(workspace: Workspace, path: Path, occurrence: NameUse, survey: FileSu
     elif name.kind in ("element", "junction", "part"):
         yield from _element(workspace, path, name, occurrence, survey)
     elif name.kind == "instance":
-        model = model_of(name, survey.file)
+        model = api.model_of(name, survey.file)
         yield f"**{name.type} {name.name}**{_described(name)}"
         if model is not None:
             yield from _model_lines(model.model)
@@ -88,11 +77,11 @@ def _lines(workspace: Workspace, path: Path, occurrence: NameUse, survey: FileSu
         yield f"**{name.kind} {name.name}**{f' : {name.type}' if name.type else ''}{_described(name)}"
 
 
-def _described(name: DeclaredName) -> str:
+def _described(name: api.DeclaredName) -> str:
     return f" — {name.description}" if name.description else ""
 
 
-def _quantity(name: DeclaredName, occurrence: NameUse, survey: FileSurvey) -> Iterator[str]:
+def _quantity(name: api.DeclaredName, occurrence: api.NameUse, survey: api.FileSurvey) -> Iterator[str]:
     yield f"**{name.kind} {name.name}**{_described(name)}"
     reading = occurrence.reading or name.name
     value = quantity_line(name, survey, occurrence.home, reading)
@@ -108,7 +97,7 @@ def _quantity(name: DeclaredName, occurrence: NameUse, survey: FileSurvey) -> It
 
 
 def _element(
-    workspace: Workspace, path: Path, name: DeclaredName, occurrence: NameUse, survey: FileSurvey
+    workspace: Workspace, path: Path, name: api.DeclaredName, occurrence: api.NameUse, survey: api.FileSurvey
 ) -> Iterator[str]:
     node = name.node
     assert isinstance(node, tree.Declaration)
@@ -116,7 +105,7 @@ def _element(
     own = name.owner[0] if name.owner else occurrence.home
     domains = ports(survey, own, name.name)
     for port, domain in domains.items():
-        row = ELEMENTS.get(name.type)
+        row = api.ELEMENTS.get(name.type)
         letters = row.readable if row is not None and len(domains) == 1 else {"0": "e", "1": "f"}.get(name.type, "ef")
         yield f"{f'port `{port}`, ' if port else ''}{domain.name}: {domain_line(domain, letters)}"
     if isinstance(node.definition, tree.LawSyntax) or (node.definition is not None and name.kind == "part"):
@@ -127,9 +116,9 @@ def _element(
 
 
 def _model_lines(model: tree.ModelSyntax) -> Iterator[str]:
-    if text := first_text(model.statements):
+    if text := api.first_text(model.statements):
         yield text
-    names = list(table_of(model).values())
+    names = list(api.table_of(model).values())
     listed = [n for n in names if n.kind in ("port", "parameter", "input", "output")]
     rows = []
     for one in listed[:MOST_PARAMETERS]:
@@ -140,11 +129,11 @@ def _model_lines(model: tree.ModelSyntax) -> Iterator[str]:
         yield "\n".join(rows)
 
 
-def _builtin(occurrence: NameUse, survey: FileSurvey) -> str:
+def _builtin(occurrence: api.NameUse, survey: api.FileSurvey) -> str:
     """A text on a word that no one declares: a unit, a function, a letter of a law."""
     word = occurrence.span.text
-    if occurrence.kind == "unit" and word in UNITS:
-        unit = UNITS[word]
+    if occurrence.kind == "unit" and word in api.UNITS:
+        unit = api.UNITS[word]
         si = "1" if str(unit.dimension) == "1" else str(unit.dimension)
         zero = f", zero at {number(float(unit.offset))} K" if unit.offset else ""
         return f"**{word}** = {number(unit.to_si(Fraction(1)) - float(unit.offset))} {si}{zero}"
@@ -158,7 +147,7 @@ def _builtin(occurrence: NameUse, survey: FileSurvey) -> str:
     return _word_text(word)
 
 
-def _variable(occurrence: NameUse, survey: FileSurvey) -> str:
+def _variable(occurrence: api.NameUse, survey: api.FileSurvey) -> str:
     """A text on a letter that is read of an element, `spring.x`."""
     owner, _, letter = occurrence.reading.rpartition(".")
     domains = ports(survey, occurrence.home, owner) if owner else {}

@@ -8,18 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from compiler.api import (
-    ANALYSIS_STEPS,
-    DOMAINS,
-    ELEMENTS,
-    FUNCTIONS,
-    MEMORIES,
-    TABLE_USAGES,
-    VECTORS,
-    attributes_of,
-    grammar_words,
-    kinds_of,
-)
+from compiler import api
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +92,7 @@ _ANALYSES = {
 }
 KEYWORDS: tuple[Keyword, ...] = (
     *_ROWS,
-    *(Keyword(word, "experiment", word, _ANALYSES.get(word, "An analysis.")) for word in ANALYSIS_STEPS),
+    *(Keyword(word, "experiment", word, _ANALYSES.get(word, "An analysis.")) for word in api.ANALYSIS_STEPS),
 )
 
 _KINDS = {
@@ -127,7 +116,7 @@ JUNCTIONS = {
 
 def kind_text(kind: str) -> str:
     """A sentence on a kind of element, with an example of its law; empty for other words."""
-    row = ELEMENTS.get(kind)
+    row = api.ELEMENTS.get(kind)
     if row is None:
         return JUNCTIONS.get(kind, "")
     more = " Its law also reads signals, inputs and other elements." if kind != row.letters else ""
@@ -142,27 +131,27 @@ def classes() -> Mapping[str, tuple[str, ...]]:
     operators = ("if", "else", "and", "or", "not", "in", "to", "over")
     values = ("true", "false", "time", "pi", "ground")
     timing = ("offset", "delay", "jitter", "seed")
-    joints = dict.fromkeys([*kinds_of(True), *kinds_of(False)])
+    joints = dict.fromkeys([*api.kinds_of(True), *api.kinds_of(False)])
     return {
-        "keyword": tuple(w for w in grammar_words() if w not in (*operators, *timing, *values)), "operator": operators, "value": values,
-        "timing": timing, "attribute": _attributes(), "kind": (*ELEMENTS, "splitter", *joints),
-        "domain": (*DOMAINS, "planar", "spatial"), "function": (*USAGES, "correlation"),  # of two chances
+        "keyword": tuple(w for w in api.grammar_words() if w not in (*operators, *timing, *values)), "operator": operators, "value": values,
+        "timing": timing, "attribute": _attributes(), "kind": (*api.ELEMENTS, "splitter", *joints),
+        "domain": (*api.DOMAINS, "planar", "spatial"), "function": (*USAGES, "correlation"),  # of two chances
     }  # fmt: skip
 
 
 def _attributes() -> tuple[str, ...]:
     """Names left of `=` in braces: those of the table above, of parts of mechanisms, of analysis steps."""
     words = [k.word for k in KEYWORDS if k.place.split()[0] in ("attribute", "simulate", "mechanism")]
-    words += [w for planar in (True, False) for kind in kinds_of(planar) for w in attributes_of(kind, planar)]
-    for step in ANALYSIS_STEPS.values():
+    words += [w for planar in (True, False) for kind in api.kinds_of(planar) for w in api.attributes_of(kind, planar)]
+    for step in api.ANALYSIS_STEPS.values():
         words += [*(name for name, _, _ in step.counts), *step.truths, *step.named]
     return tuple(dict.fromkeys(words))
 
 
 USAGES: Mapping[str, str] = {
-    **{name: usage for name, (_, usage, _) in {**FUNCTIONS, **VECTORS}.items()},
-    **MEMORIES,
-    **TABLE_USAGES,
+    **{name: usage for name, (_, usage, _) in {**api.FUNCTIONS, **api.VECTORS}.items()},
+    **api.MEMORIES,
+    **api.TABLE_USAGES,
 }
 FUNCTION_TEXTS: Mapping[str, str] = {
     "step": "0 before the argument is zero, 1 from then on.",

@@ -9,20 +9,7 @@ from typing import Any
 
 import networkx as nx
 
-from compiler.api import (
-    BondGraph,
-    CausalGraph,
-    Compilation,
-    CompilationFailed,
-    Dependence,
-    Diagnostic,
-    EquationSystem,
-    StrokeOrigin,
-    StrokeReason,
-    blocks,
-    dependences,
-    render,
-)
+from compiler import api
 
 from .tables import columns, counted, end_name, visible
 
@@ -74,7 +61,7 @@ class CausalityExplanation:
     strokes: tuple[StrokeRow, ...]
     derivative: tuple[DerivativeRow, ...]
     loops: tuple[LoopRow, ...]
-    diagnostics: tuple[Diagnostic, ...]
+    diagnostics: tuple[api.Diagnostic, ...]
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values by `bondgraph-causality/1`."""
@@ -121,33 +108,33 @@ class CausalityExplanation:
             yield f"  what you can do: {loop.advice}"
 
 
-def explain(compilation: Compilation) -> CausalityExplanation:
+def explain(compilation: api.Compilation) -> CausalityExplanation:
     """Return the explanation of a scene. Raises `CompilationFailed` if there are no strokes."""
     causal = compilation.causal
-    system, found = None, tuple["Diagnostic", ...]()
+    system, found = None, tuple["api.Diagnostic", ...]()
     try:
         system = compilation.equations
         _ = compilation.state_space
-    except CompilationFailed as failed:
+    except api.CompilationFailed as failed:
         found = failed.diagnostics
     graph = causal.graph
     return CausalityExplanation(
         graph.name, len(compilation.whole_graph.nodes) - len(graph.nodes),
         tuple(_stroke(causal, bond) for bond in range(len(graph.bonds))),
-        tuple(_derivative(causal, item) for item in dependences(causal)),
+        tuple(_derivative(causal, item) for item in api.dependences(causal)),
         () if system is None else tuple(_loops(causal, system)), tuple(found),
     )  # fmt: skip
 
 
-def told(diagnostics: Sequence[Diagnostic]) -> str:
+def told(diagnostics: Sequence[api.Diagnostic]) -> str:
     """Return diagnostics as the other commands show them."""
-    return "\n\n".join(map(render, diagnostics))
+    return "\n\n".join(map(api.render, diagnostics))
 
 
 # ---------------------------------------------------------------- strokes
 
 
-def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
+def _stroke(causal: api.CausalGraph, bond: int) -> StrokeRow:
     ends, effort = causal.graph.bonds[bond], causal.effort_from[bond]
     names = [end_name(causal.graph, ends.tail), end_name(causal.graph, ends.head)]
     why = reason_of(causal.graph, causal.reasons[bond], causal.effort_from)
@@ -156,7 +143,7 @@ def _stroke(causal: CausalGraph, bond: int) -> StrokeRow:
     )
 
 
-def reason_of(graph: BondGraph, reason: StrokeOrigin, effort_from: Sequence[int | None]) -> str:
+def reason_of(graph: api.BondGraph, reason: api.StrokeOrigin, effort_from: Sequence[int | None]) -> str:
     """Return the reason of a stroke; `effort_from` has all strokes."""
     owner = f"`{graph.nodes[reason.node].name}`"
     if reason.bond is None:
@@ -164,7 +151,7 @@ def reason_of(graph: BondGraph, reason: StrokeOrigin, effort_from: Sequence[int 
     return f"follows at {owner} from {arrow_of(graph, reason.bond, effort_from[reason.bond])}"
 
 
-def arrow_of(graph: BondGraph, bond: int, effort_from: int | None) -> str:
+def arrow_of(graph: api.BondGraph, bond: int, effort_from: int | None) -> str:
     """Return a bond in the textbooks' notation; without a stroke if nothing is known of it."""
     ends = graph.bonds[bond]
     arrow = "->" if effort_from is None else "|->" if effort_from else "->|"
@@ -174,7 +161,7 @@ def arrow_of(graph: BondGraph, bond: int, effort_from: int | None) -> str:
 # ---------------------------------------------------------------- storages in derivative form
 
 
-def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
+def _derivative(causal: api.CausalGraph, item: api.Dependence) -> DerivativeRow:
     graph = causal.graph
     node = graph.nodes[item.port.node]
     forcing = None if item.forced_by is None else graph.nodes[item.forced_by]
@@ -188,33 +175,33 @@ def _derivative(causal: CausalGraph, item: Dependence) -> DerivativeRow:
 
 
 # The cause of a storage's derivative form, and advice for its author, by the reason of the stroke.
-CAUSES: Mapping[StrokeReason, tuple[str, str]] = {
-    StrokeReason.SOURCE: (
+CAUSES: Mapping[api.StrokeReason, tuple[str, str]] = {
+    api.StrokeReason.SOURCE: (
         "{other} decides its {variable} at once",
         "nothing, if it is meant so: the {flow} is the derivative of what `{owner}` gives. As every real source has one, put a small {parting} between them.",
     ),
-    StrokeReason.MECHANISM: (
+    api.StrokeReason.MECHANISM: (
         "the mechanism {other} decides its {variable}",
         "give a body of `{owner}` what `{name}` stores, or put a stiff spring (a C on a 0-junction) between them.",
     ),
-    StrokeReason.INTEGRAL: (
+    api.StrokeReason.INTEGRAL: (
         "it follows from {other}, which is in integral form: together they have one state",
         "nothing, if they belong together: both are computed. To make `{name}` the state, {way} `{owner}`; "
         "to let them move apart, put a small {both} between them.",
     ),
-    StrokeReason.FREE_END: ("{other} has only this bond", "hang something on `{owner}`, or remove it."),
-    StrokeReason.CANCELS: (
+    api.StrokeReason.FREE_END: ("{other} has only this bond", "hang something on `{owner}`, or remove it."),
+    api.StrokeReason.CANCELS: (
         "bonds to and fro at {other} cancel", "remove both of them, or turn the arrow of one, if that is meant.",
     ),
 }  # fmt: skip
 
 
-def _dependence(name: str, node: Any, forcing: Any, because: StrokeReason) -> tuple[str, str]:
+def _dependence(name: str, node: Any, forcing: Any, because: api.StrokeReason) -> tuple[str, str]:
     """Return the cause of a storage's derivative form, and advice for the author."""
     stored = node.kind.value
     parting = "R or I on a 1-junction" if stored == "C" else "R or C on a 0-junction"
-    word = "require" if because is StrokeReason.REQUIRED else "prefer"
-    if forcing is None and because in (StrokeReason.REQUIRED, StrokeReason.WISHED):
+    word = "require" if because is api.StrokeReason.REQUIRED else "prefer"
+    if forcing is None and because in (api.StrokeReason.REQUIRED, api.StrokeReason.WISHED):
         return "its author asks for it", f"leave out its `{word}`."
     if forcing is None:
         ring = "the ring of junctions around it leaves no other strokes"
@@ -234,7 +221,7 @@ def _dependence(name: str, node: Any, forcing: Any, because: StrokeReason) -> tu
 # ---------------------------------------------------------------- loops
 
 
-def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
+def _loops(causal: api.CausalGraph, system: api.EquationSystem) -> Iterator[LoopRow]:
     """Yield blocks of mutually dependent assignments, each with its shortest cycle."""
     inputs: list[list[int]] = [[] for _ in system.variables]
     assigned = {a.target: a for a in system.assignments}
@@ -243,7 +230,7 @@ def _loops(causal: CausalGraph, system: EquationSystem) -> Iterator[LoopRow]:
         if target in assignment.arguments and not assignment.implicit:
             inputs[target].append(target)
     numbers = {node.name: number for number, node in enumerate(causal.graph.nodes)}
-    for block in blocks(range(len(inputs)), inputs):
+    for block in api.blocks(range(len(inputs)), inputs):
         first = assigned.get(block[0])
         if len(block) == 1 and block[0] not in inputs[block[0]]:
             if first is not None and first.implicit:
@@ -265,7 +252,7 @@ def _implicit(owner: str, variable: str) -> str:
     )
 
 
-def _junctions(causal: CausalGraph, numbers: Mapping[str, int], members: Sequence[str]) -> list[Any]:
+def _junctions(causal: api.CausalGraph, numbers: Mapping[str, int], members: Sequence[str]) -> list[Any]:
     """Return the junctions of a loop, including those that join two of its elements: variables shared by bonds have no equation."""
     graph = causal.graph
     inside = [numbers[m] for m in members if m in numbers]
