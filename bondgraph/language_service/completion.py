@@ -219,13 +219,9 @@ def _expression(place: CursorPlace) -> Iterator[Suggestion]:
             yield _named(name)
     functions = {n.name for n in (*place.names.values(), *api.file_names(place.file).values()) if n.kind == "function"}
     yield from (Suggestion(f, "function", "", "", f"{f}($0)", True) for f in functions)
-    yield from _functions()
-    yield from (Suggestion(w, "keyword") for w in WORDS_OF_EXPRESSIONS)
-
-
-def _functions() -> Iterator[Suggestion]:
     for function, usage in USAGES.items():
         yield Suggestion(function, "function", usage, FUNCTION_TEXTS.get(function, ""), f"{function}($0)", True)
+    yield from (Suggestion(w, "keyword") for w in WORDS_OF_EXPRESSIONS)
 
 
 def _members(place: CursorPlace) -> Iterator[Suggestion]:

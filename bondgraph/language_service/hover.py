@@ -140,8 +140,6 @@ def _builtin(occurrence: api.NameUse, survey: api.FileSurvey) -> str:
     if occurrence.kind == "function" and word in USAGES:
         text = FUNCTION_TEXTS.get(word, "")
         return f"`{USAGES[word]}`" + (f"\n\n{text}" if text else "")
-    if occurrence.kind == "kind":
-        return _word_text(word)
     if occurrence.kind == "variable":
         return _variable(occurrence, survey)
     return _word_text(word)

@@ -84,17 +84,14 @@ def rename(workspace: Workspace, path: Path, at: int, new: str) -> list[TextEdit
         return f"`{new}` is no name: letters, digits and `_`, and no digit first."
     if new in RESERVED or (name.kind == "model" and new in ELEMENT_KINDS):
         return f"`{new}` is reserved."
-    broken = [file for file in _files_with(workspace, name) if _is_broken(workspace, file, name.name)]
+    files = map(workspace.project.document, _files_with(workspace, name))
+    broken = [f.path for f in files if any(piece.mistakes and name.name in piece.words for piece in f.pieces)]
     if broken:
         return f"`{broken[0].name}` has lines that cannot be read, in which the name may stand: mend them first."
     edits = [TextEdit(place, new) for place in _places_of(workspace, name)]
     if not _means_the_same(workspace, edits, name, new):
         return f"With the name `{new}` a word would mean something else: it is a name, a unit or a letter of a law already."
     return edits
-
-
-def _is_broken(workspace: Workspace, file: Path, word: str) -> bool:
-    return any(piece.mistakes and word in piece.words for piece in workspace.project.document(file).pieces)
 
 
 def _means_the_same(workspace: Workspace, edits: list[TextEdit], name: DeclaredName, new: str) -> bool:

@@ -6,7 +6,7 @@ groups behind these. If all are equal, as the legs of a symmetrical mechanism, t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any
 
 from ..algebra.formula import Bound
@@ -48,13 +48,9 @@ def joint_ranks(
 
 def _ranked(keys: Mapping[str, Any]) -> dict[str, int]:
     """Position of each key among the distinct ones, in sorted order."""
-    places = {text: place for place, text in enumerate(_distinct(keys.values()))}
+    distinct = sorted({repr(key): key for key in keys.values()}.values())
+    places = {repr(key): place for place, key in enumerate(distinct)}
     return {name: places[repr(key)] for name, key in keys.items()}
-
-
-def _distinct(keys: Iterable[Any]) -> list[str]:
-    """Distinct keys in sorted order, as text."""
-    return [repr(key) for key in sorted({repr(k): k for k in keys}.values())]
 
 
 def _vectors(joint: Joint) -> tuple[Bound, ...]:

@@ -6,7 +6,7 @@ without a start of their own move as little as necessary to satisfy it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from ..graph.mechanism import Body, Frame, Joint, Mechanism
@@ -18,15 +18,10 @@ from .tree import Tree
 def claimed_parts(mechanism: Mechanism, tree: Tree) -> Mapping[str, Body | Frame | Joint]:
     """Parts with the starts of what are no coordinates of their own, if there are any."""
     own = {link.part.name: link.part.starts for link in tree.links}
-    parts = {part.name: part for part in _parts(mechanism) if part.starts != own.get(part.name, {})}
+    every: tuple[Body | Frame | Joint, ...] = (*mechanism.joints, *mechanism.bodies, *mechanism.frames)
+    parts = {part.name: part for part in every if part.starts != own.get(part.name, {})}
     left = {n: {k: v for k, v in part.starts.items() if k not in own.get(n, {})} for n, part in parts.items()}
     return {name: replace(part, starts=left[name]) for name, part in parts.items()}
-
-
-def _parts(mechanism: Mechanism) -> Iterator[Body | Frame | Joint]:
-    yield from mechanism.joints
-    yield from mechanism.bodies
-    yield from mechanism.frames
 
 
 def claim_starts(

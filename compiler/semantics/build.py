@@ -271,7 +271,7 @@ class _Opened:
         elaborator.for_all_values = "*" in scene.free
         steps = experiment.steps if experiment is not None else ()
         elaborator.swept = tuple(s for s in steps if isinstance(s, tree.SweepSyntax))
-        elaborator.open_root(definition)
+        elaborator.instantiate(definition, "", {}, ())
         return _Opened(definition, scene, experiment, elaborator, known)
 
     def built(self) -> Built:

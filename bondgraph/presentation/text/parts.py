@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 WIDTH = 100  # characters of a line of running text
 LONGEST_LAW = 72
+_ARROW = re.compile(r",? ?arrows? (in|out)$")  # of a port: its direction has a column of its own
 
 
 def list_text(parts: Sequence[LibraryPart]) -> str:
@@ -43,7 +44,7 @@ def page_text(part: LibraryPart, interface: Interface, example: str) -> str:
     lines = [line for key, text in notes if text for line in _note(key, text)]
     blocks += ["\n".join(lines)] if lines else []
     arrow = {True: "arrow in", False: "arrow out"}
-    ports = [(f"  {p.name}", p.domain, arrow[p.enters], _unless_arrow(p.description)) for p in interface.ports]
+    ports = [(f"  {p.name}", p.domain, arrow[p.enters], _ARROW.sub("", p.description)) for p in interface.ports]
     blocks += ["\n".join(["ports", aligned(ports, "<<<<")])] if ports else []
     blocks += list(_quantities(interface.quantities))
     if example:
@@ -56,11 +57,6 @@ def _note(key: str, text: str) -> Iterator[str]:
     first, *more = wrap(text, WIDTH - 10)
     yield f"{key:<10}{first}"
     yield from (f"{'':<10}{line}" for line in more)
-
-
-def _unless_arrow(description: str) -> str:
-    """Description of a port without the direction, which has a column of its own."""
-    return re.sub(r",? ?arrows? (in|out)$", "", description)
 
 
 def _quantities(quantities: Sequence[PartQuantity]) -> Iterator[str]:

@@ -46,17 +46,14 @@ class Writer:
         return label.name if label is not None else "constant"
 
     # ------------------------------------------------------------ what is constant
-    def _roots(self) -> list[Expression]:
-        """Results of all functions of more than constants, and the functions of time beside the program."""
-        changing = [x for row, results in self.functions if row.arguments != FIXED for x in results]
-        return [*changing, *self.lowered.time_roots]
 
     def _constant_nodes(self) -> list[Expression]:
         """Largest expressions of parameters alone that another expression reads."""
         found: dict[Expression, None] = {}
         seen: set[int] = set()  # by identity: to compare equal nodes costs more than to look at some twice
         changing = TIME | INPUT | STATE | MODE
-        stack = self._roots()[::-1]
+        results = [x for row, results in self.functions if row.arguments != FIXED for x in results]
+        stack = [*results, *self.lowered.time_roots][::-1]
         argument_values = [
             self.lowered.values[a] for s in self.lowered.space.storages for a in s.arguments if isinstance(a, int)
         ]
@@ -80,7 +77,7 @@ class Writer:
         lowered = self.lowered
         parts: list[str] = []
         for heading, rows in units:
-            inner = "".join(f"    ({_text(n)}, {_text(u)}),\n" for n, u in rows)
+            inner = "".join(f"    ({n!a}, {u!a}),\n" for n, u in rows)
             parts.append(f"{heading} = (  # (name, SI unit)\n{inner})\n" if rows else f"{heading} = ()\n")
         defaults = ", ".join(number(lowered.space.variables[v].value) for v in lowered.parameters)
         input_defaults = ", ".join(number(lowered.space.variables[v].value or 0.0) for v in lowered.inputs)
@@ -205,10 +202,6 @@ def _return(results: Sequence[str], shape: tuple[int, ...]) -> str:
     items = "".join(f"            {r},\n" for r in results)
     values = f"(\n{items}        )" if results else "()"
     return f"    return _pack(\n        {values},\n        {shape},\n        batch,\n    )"
-
-
-def _text(text: str) -> str:
-    return ascii(text)
 
 
 def _quoted(text: str) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import sympy
 from sympy import Basic
 
-from ...algebra.expression import Apply, Expression, Symbol, operations, symbols
+from ...algebra.expression import Expression, Symbol, operations, symbols
 from ...algebra.sympy_form import as_written, number_as_written, quotient
 from ...algebra.table import counted, is_stepped
 from ...equations.system import Assignment, Variable
@@ -187,7 +187,9 @@ class _Formulation:
                 continue
             for node in operations(step.expression):
                 stepped = is_stepped(node)
-                if not (stepped or node.operator in (*COMPARISONS, *JUMPS)) or node in seen or not self._changes(node):
+                if not (stepped or node.operator in (*COMPARISONS, *JUMPS)) or node in seen:
+                    continue
+                if all(symbol.key in self.constant for symbol in symbols(node)):
                     continue
                 seen.add(node)
                 operands = (counted(node, node.operands[1]),) if stepped else node.operands
@@ -197,9 +199,6 @@ class _Formulation:
                 right = rest[0] if rest else 0
                 difference = sympy.Add(left, sympy.Mul(-1, right, evaluate=False), evaluate=False)
                 yield Indicator(left if right == 0 else -right if left == 0 else difference, step.owner, step.span)
-
-    def _changes(self, node: Apply) -> bool:
-        return any(symbol.key not in self.constant for symbol in symbols(node))
 
 
 def _roots(space: StateSpace) -> list[int]:

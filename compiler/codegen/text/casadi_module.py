@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import reduce
 
 from sympy import Basic
 from sympy.core.function import AppliedUndef
@@ -21,23 +22,7 @@ from .c_file import refuse_hybrid
 from .target import TextTarget
 
 OTHER_NAMES = {"abs": "ca.fabs", "min": "ca.fmin", "max": "ca.fmax", "root": "_root"}
-OWN = (
-    "derivative",
-    "residual",
-    "jacobian",
-    "outputs",
-    "start",
-    "dae",
-    "arguments",
-    "ca",
-    "jax",
-    "jnp",
-    "t",
-    "x",
-    "z",
-    "p",
-    "u",
-)
+OWN = tuple("derivative residual jacobian outputs start dae arguments ca jax jnp t x z p u".split())  # noqa: SIM905
 SOLVE = '''def _solve(rows, right):
     """Solution of a linear system."""
     return ca.vertsplit(ca.solve(ca.vertcat(*(ca.horzcat(*row) for row in rows)), ca.vertcat(*right)))'''
@@ -58,30 +43,32 @@ def _name(row: Operator) -> str:
     return OTHER_NAMES.get(row.name, f"ca.{row.name}")
 
 
-class CasadiPrinter(PythonPrinter):
-    """Expressions of symbols of CasADi, on which `if`, `and`, `or` and `not` are functions."""
+class ArrayPrinter(PythonPrinter):
+    """Expressions of a library's own numbers, on which `if`, `and`, `or` and `not` are functions: `choice` and `negation` are their names there."""
+
+    choice = negation = ""
 
     def _choice(self, x: Basic) -> str:
         (value, condition), (otherwise, _) = x.args
-        return f"ca.if_else({', '.join(map(self.text, (condition, value, otherwise)))})"
+        return f"{self.choice}({', '.join(map(self.text, (condition, value, otherwise)))})"
 
     def _print_Piecewise(self, x: Basic) -> str:
         return self._choice(x)
 
+    def _print_Not(self, x: Basic) -> str:
+        return f"{self.negation}({self.text(x.args[0])})"
+
+
+class CasadiPrinter(ArrayPrinter):
+    """Expressions of symbols of CasADi."""
+
+    choice, negation = "ca.if_else", "ca.logic_not"
+
     def _print_And(self, x: Basic) -> str:
-        return self._joined("logic_and", x.args)
+        return reduce("ca.logic_and({}, {})".format, map(self.text, x.args))
 
     def _print_Or(self, x: Basic) -> str:
-        return self._joined("logic_or", x.args)
-
-    def _joined(self, name: str, conditions: Sequence[Basic]) -> str:
-        first, *rest = map(self.text, conditions)
-        for condition in rest:
-            first = f"ca.{name}({first}, {condition})"
-        return first
-
-    def _print_Not(self, x: Basic) -> str:
-        return f"ca.logic_not({self.text(x.args[0])})"
+        return reduce("ca.logic_or({}, {})".format, map(self.text, x.args))
 
 
 def differentiable(space: StateSpace, descriptions: Mapping[str, str], library: str) -> StateEquations:

@@ -107,15 +107,8 @@ class _DiffslText:
         for line in (*e.lines, *e.rates, *e.outputs):
             values = (line.value,) if isinstance(line, Entry) else results_of(line)
             if line.span is not None and not all(map(self._has, values)):
-                raise CompilationFailed(
-                    [
-                        NumpyAlone(
-                            line.span,
-                            "DiffSL",
-                            "Conditions, tables, noise and functions other than " + ", ".join(sorted(KNOWN)),
-                        )
-                    ]
-                )
+                what = f"Conditions, tables, noise and functions other than {', '.join(sorted(KNOWN))}"
+                raise CompilationFailed([NumpyAlone(line.span, "DiffSL", what)])
 
     def _has(self, value: Basic) -> bool:
         """Return True if all functions of an expression can be written."""
@@ -128,11 +121,8 @@ class _DiffslText:
 
     def _inputs(self) -> list[str]:
         """Return the lines of the parameters and inputs, with their default values."""
-        return _vector(
-            "in_i",
-            [f"p{i} = {float(q.value or 0.0)!r}" for i, q in enumerate(self.settable)],
-            list(map(_words, self.settable)),
-        )
+        defaults = [f"p{i} = {float(q.value or 0.0)!r}" for i, q in enumerate(self.settable)]
+        return _vector("in_i", defaults, list(map(_words, self.settable)))
 
     def _lines(self, lines: Iterable[Line]) -> Iterator[str]:
         for line in lines:

@@ -8,9 +8,9 @@ from sympy import Basic
 
 from ...algebra.operators import Operator
 from ...reduction import StateSpace
-from ..symbolic.python_text import PythonPrinter, lines_text, needed_lines
+from ..symbolic.python_text import lines_text, needed_lines
 from ..symbolic.state_equations import Entry
-from .casadi_module import FunctionModule, differentiable
+from .casadi_module import ArrayPrinter, FunctionModule, differentiable
 from .target import TextTarget
 
 SOLVE = '''def _solve(rows, right):
@@ -33,24 +33,16 @@ def _name(row: Operator) -> str:
     return "jax.scipy.special.erf" if row.name == "erf" else row.in_numpy.replace("np.", "jnp.")
 
 
-class JaxPrinter(PythonPrinter):
-    """Expressions of arrays of JAX, on which `if`, `and`, `or` and `not` are functions."""
+class JaxPrinter(ArrayPrinter):
+    """Expressions of arrays of JAX."""
 
-    def _choice(self, x: Basic) -> str:
-        (value, condition), (otherwise, _) = x.args
-        return f"jnp.where({', '.join(map(self.text, (condition, value, otherwise)))})"
-
-    def _print_Piecewise(self, x: Basic) -> str:
-        return self._choice(x)
+    choice, negation = "jnp.where", "jnp.logical_not"
 
     def _print_And(self, x: Basic) -> str:
         return f"({' & '.join(f'({self.text(a)})' for a in x.args)})"
 
     def _print_Or(self, x: Basic) -> str:
         return f"({' | '.join(f'({self.text(a)})' for a in x.args)})"
-
-    def _print_Not(self, x: Basic) -> str:
-        return f"jnp.logical_not({self.text(x.args[0])})"
 
 
 class _JaxModule(FunctionModule):

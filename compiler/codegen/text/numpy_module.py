@@ -85,7 +85,8 @@ class _NumpyModule:
         e = self.equations
         words = ", in SI units. Algebraic loops are solved by Newton's method." if e.unknowns else ", in SI units."
         m = "m, " if e.discretes else ""
-        recipe = [f"p = Parameters(){f'  # with other values: Parameters({self._example()})' if e.parameters else ''}"]
+        example = [f"{self.fields[q.symbol]}={number(q.value)}" for q in e.parameters[:1]]
+        recipe = [f"p = Parameters(){f'  # with other values: Parameters({example[0]})' if example else ''}"]
         if e.discretes:
             recipe.append("m = discrete_start(p)")
         if e.states:
@@ -115,10 +116,6 @@ class _NumpyModule:
         ]
         return "\n".join([*heading, "", *imports, "", "import numpy as np"])
 
-    def _example(self) -> str:
-        first = self.equations.parameters[0]
-        return f"{self.fields[first.symbol]}={number(first.value)}"
-
     def _tables(self) -> Iterator[str]:
         e = self.equations
         yield from _table("STATES", [(q.name, q.unit) for q in e.states])
@@ -144,12 +141,8 @@ class _NumpyModule:
         if self.constant:
             lines = [line for line in e.lines if self.constant & {*targets_of(line)}]
             body = lines_text(lines, self.printer, "np.linalg.solve")
-            yield _function(
-                "constants",
-                "p",
-                "Quantities that depend on parameters alone.",
-                ["c = SimpleNamespace()", *body, "return c"],
-            )
+            body = ["c = SimpleNamespace()", *body, "return c"]
+            yield _function("constants", "p", "Quantities that depend on parameters alone.", body)
         if e.states:
             yield self._vector("start", "p", "States at the start.", e.starts)
         if not e.states and not e.unknowns:
@@ -172,13 +165,8 @@ class _NumpyModule:
         words = "Derivatives of the rates and residuals (rows) by states and unknowns (columns)."
         size = n + len(e.unknowns)
         yield self._matrix("partials", arguments, words, e.partials, size, size)
-        yield NEWTON.format(
-            more=self.more,
-            passed=self.passed,
-            states=n,
-            guesses=[q.value or 0.0 for q in e.unknowns],
-            alike=self._alike(),
-        )
+        guesses = [q.value or 0.0 for q in e.unknowns]
+        yield NEWTON.format(more=self.more, passed=self.passed, states=n, guesses=guesses, alike=self._alike())
         yield self._vector("outputs", self.arguments, "Outputs.", e.outputs)
 
     def _alike(self) -> list[list[int]]:
@@ -189,52 +177,30 @@ class _NumpyModule:
     def _hybrid(self) -> Iterator[str]:
         """Functions for events, discrete variables and delays."""
         e, arguments = self.equations, self.arguments
-        if e.indicators:
-            entries = [Entry(i.owner, i.value, "", i.span) for i in e.indicators]
-            yield self._vector(
-                "indicators", arguments, "Left side less right side of each condition: an event is at a zero.", entries
-            )
-        if e.discretes:
-            yield self._vector("discrete_start", "p", "Discrete variables at the start.", e.discrete_starts)
+        indicators = [Entry(i.owner, i.value, "", i.span) for i in e.indicators]
+        words = "Left side less right side of each condition: an event is at a zero."
+        yield from self._vectors(("indicators", arguments, words, indicators))
+        yield from self._vectors(("discrete_start", "p", "Discrete variables at the start.", e.discrete_starts))
         if e.events:
-            entries = [Entry(event.words, event.condition, "", event.span) for event in e.events]
-            yield self._vector(
-                "events", arguments, "Truth of each event's condition: the event is where it becomes true.", entries
-            )
+            events = [Entry(event.words, event.condition, "", event.span) for event in e.events]
+            words = "Truth of each event's condition: the event is where it becomes true."
+            yield self._vector("events", arguments, words, events)
             yield self._reset()
             yield from self._sampling()
-        if e.switches:
-            yield self._vector(
-                "on",
-                arguments,
-                "Truth of the conditions of the switched junctions; the equations are those at the start.",
-                e.switches,
-            )
-        if e.delays:
-            lags = [Entry(entry.name, lag, "s", entry.span) for entry, lag in e.delays]
-            yield self._vector("lags", "p", "Delays of the last inputs.", lags)
-            yield self._vector(
-                "delayed",
-                arguments,
-                "Values that the last inputs will have, later by their lags.",
-                [d for d, _ in e.delays],
-            )
+        lags = [Entry(entry.name, lag, "s", entry.span) for entry, lag in e.delays]
+        yield from self._vectors(
+            ("on", arguments, "Truth of the conditions of the switched junctions; the equations are those at the start.", e.switches),
+            ("lags", "p", "Delays of the last inputs.", lags),
+            ("delayed", arguments, "Values that the last inputs will have, later by their lags.", [d for d, _ in e.delays]),
+        )  # fmt: skip
 
     def _checks(self) -> Iterator[str]:
         e, arguments = self.equations, self.arguments
-        if e.initial:
-            yield self._vector(
-                "initial",
-                arguments,
-                "Residuals of the starts given to computed quantities: zero at the start.",
-                e.initial,
-            )
-        if e.constraints:
-            yield self._vector(
-                "constraints", arguments, "Constraint residuals, then their rates: zero along a run.", e.constraints
-            )
-        if e.requirements:
-            yield self._vector("holds", arguments, "Truth of the requirements of the model.", e.requirements)
+        return self._vectors(
+            ("initial", arguments, "Residuals of the starts given to computed quantities: zero at the start.", e.initial),
+            ("constraints", arguments, "Constraint residuals, then their rates: zero along a run.", e.constraints),
+            ("holds", arguments, "Truth of the requirements of the model.", e.requirements),
+        )  # fmt: skip
 
     # ------------------------------------------------------------ bodies
     def _body(self, results: Iterable[Basic], more: Sequence[Line] = ()) -> list[str]:
@@ -259,6 +225,10 @@ class _NumpyModule:
             return []
         text = f"{', '.join(names)}{',' * (len(names) == 1)}"
         return [f"{text} = {letter}"] if len(text) < 100 else ["(", *filled(text), f") = {letter}"]
+
+    def _vectors(self, *rows: tuple[str, str, str, Sequence[Entry]]) -> Iterator[str]:
+        """Yield the functions that have results."""
+        return (self._vector(*row) for row in rows if row[3])
 
     def _vector(self, name: str, arguments: str, words: str, entries: Sequence[Entry]) -> str:
         body = self._body(entry.value for entry in entries)

@@ -126,10 +126,6 @@ def _cross_matrix(a: Sequence[Typed]) -> Matrix:
     return (NOTHING, negated(a[2]), a[1]), (a[2], NOTHING, negated(a[0])), (negated(a[1]), a[0], NOTHING)
 
 
-def _skew(node: tree.Call, arguments: Sequence[Value]) -> Value:
-    return _cross_matrix(_vector(node, arguments, 0, (3,)))
-
-
 def _identity(node: tree.Call, arguments: Sequence[Value]) -> Value:
     size = arguments[0]
     number = size.expression.value if isinstance(size, Typed) and isinstance(size.expression, Number) else 0
@@ -212,10 +208,6 @@ def _square(node: tree.Call, arguments: Sequence[Value]) -> _Minors:
     return _Minors(node, rows)
 
 
-def _det(node: tree.Call, arguments: Sequence[Value]) -> Typed:
-    return _square(node, arguments).determinant()
-
-
 def _inverse(node: tree.Call, arguments: Sequence[Value]) -> Value:
     minors = _square(node, arguments)
     whole = minors.determinant()
@@ -243,10 +235,10 @@ VECTORS: dict[str, tuple[int, str, Builder]] = {
     "cross": (2, "cross(a, b)", _cross),
     "norm": (1, "norm(a)", _norm),
     "transpose": (1, "transpose(A)", _transpose),
-    "det": (1, "det(A)", _det),
+    "det": (1, "det(A)", lambda node, arguments: _square(node, arguments).determinant()),
     "inverse": (1, "inverse(A)", _inverse),
     "solve": (2, "solve(A, b)", _solve),
     "identity": (1, "identity(3)", _identity),
     "rotation": (2, "rotation((0, 0, 1), angle)", _rotation),
-    "skew": (1, "skew(r)", _skew),
+    "skew": (1, "skew(r)", lambda node, arguments: _cross_matrix(_vector(node, arguments, 0, (3,)))),
 }

@@ -18,43 +18,8 @@ from .column_file import Sheet
 from .port_domains import DomainTable
 
 STATIC_ROLES = frozenset({"parameter", "constant", "index", "number"})
-RESERVED = frozenset(
-    [
-        "model",
-        "plain",
-        "import",
-        "from",
-        "parameter",
-        "parameters",
-        "constant",
-        "input",
-        "output",
-        "signal",
-        "mode",
-        "solve",
-        "port",
-        "multibody",
-        "for",
-        "when",
-        "every",
-        "require",
-        "experiment",
-        "function",
-        "if",
-        "else",
-        "and",
-        "or",
-        "not",
-        "in",
-        "to",
-        "over",
-        "true",
-        "false",
-        "time",
-        "pi",
-        "ground",
-    ]
-)
+RESERVED = frozenset("""model plain import from parameter parameters constant input output signal mode solve port multibody for when every require experiment
+    function if else and or not in to over true false time pi ground""".split())  # fmt: skip  # noqa: SIM905
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,10 +57,6 @@ class Elaborator(Declarations):
         self.swept: tuple[tree.SweepSyntax, ...] = ()  # an experiment's own names: those that it sweeps
 
     # ------------------------------------------------------------ declaring
-    def open_root(self, definition: ModelDefinition) -> Scope:
-        """Elaborate the main model."""
-        self.root = self.instantiate(definition, "", {}, ())
-        return self.root
 
     def instantiate(
         self,

@@ -85,10 +85,6 @@ def _value(item: Any) -> float | None:
     if item.definition is None or item.definition.arguments:
         return None
     try:
-        return evaluate(item.definition.expression, _nothing)
+        return evaluate(item.definition.expression, dict[object, float]().__getitem__)
     except (ArithmeticError, ValueError, LookupError):
         return None
-
-
-def _nothing(key: object) -> float:
-    raise LookupError(key)
