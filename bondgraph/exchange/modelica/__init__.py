@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from compiler.api import Source, format_text
 
-from .events import find_events
-from .normal_form import normal_form
+from .events import EventFinder
+from .normal_form import Normalizer
 from .parse import FlatModel, parse
 from .start import StartEvaluator, find_starts
 from .system import sort_equations
-from .write import SortedModel, write_model
+from .write import ModelWriter
 
 
 def import_modelica(source: Source) -> str:
@@ -26,10 +26,11 @@ def import_modelica(source: Source) -> str:
 
 
 def _translated(model: FlatModel) -> str:
-    form = normal_form(model)
+    form = Normalizer(model).form
+    model.stop()
     system = sort_equations(model, form)
     starts = find_starts(model, form, system)
     values = StartEvaluator(model, form, system, starts)
-    events = find_events(model, form, system, values)
+    events = EventFinder(model, form, system, values).result()
     model.stop()
-    return write_model(SortedModel(model, form, system, starts, events))
+    return ModelWriter(model, form, system, starts, events).text()

@@ -41,12 +41,9 @@ class EventClauses:
     latches: list[str] = field(default_factory=list)
 
 
-def find_events(model: FlatModel, form: NormalForm, system: SortedSystem, values: StartEvaluator) -> EventClauses:
-    """Return the events of a model; what the language cannot order is refused."""
-    return _EventFinder(model, form, system, values).result()
+class EventFinder:
+    """Finder of the events of a model; what the language cannot order is refused."""
 
-
-class _EventFinder:
     def __init__(self, model: FlatModel, form: NormalForm, system: SortedSystem, values: StartEvaluator) -> None:
         self.model, self.form, self.system, self.values = model, form, system, values
         self.latched: dict[str, Term] = {}  # modes with the conditions that they remember
@@ -69,6 +66,7 @@ class _EventFinder:
         return reached
 
     def result(self) -> EventClauses:
+        """Return the events."""
         whens = self.form.whens
         if len(whens) > MAXIMUM_WHENS:
             self.model.refuse(

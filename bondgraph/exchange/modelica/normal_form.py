@@ -43,14 +43,9 @@ class NormalForm:
     starts: dict[str, Term] = field(default_factory=dict)
 
 
-def normal_form(model: FlatModel) -> NormalForm:
-    """Return the normal form of a model, which notes what is refused. Raises `CompilationFailed`."""
-    form = _Normalizer(model).form
-    model.stop()
-    return form
+class Normalizer:
+    """Maker of the normal form of a model, which notes what is refused."""
 
-
-class _Normalizer:
     def __init__(self, model: FlatModel) -> None:
         self.model, self.form = model, NormalForm()
         self.families = {name.partition("[")[0] for name in model.declared}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from compiler.api import NewNames, number_text, printable
 
@@ -20,68 +19,55 @@ from .units import ONE, Dimensions, declared_dimension
 SEPARATE = 20  # states without a dimension that are bare numbers one after the other, others all at once
 
 
-@dataclass(frozen=True, slots=True)
-class SortedModel:
-    """All of a model that is written."""
+class ModelWriter:
+    """Writer of one model. Values that are not known before a run are refused."""
 
-    model: FlatModel
-    form: NormalForm
-    system: SortedSystem
-    starts: Starts
-    events: EventClauses
-
-
-def write_model(sorted_model: SortedModel) -> str:
-    """Return the text. Values that are not known before a run are refused."""
-    return _ModelWriter(sorted_model).text()
-
-
-class _ModelWriter:
-    def __init__(self, sorted_model: SortedModel) -> None:
-        self.sorted = m = sorted_model
-        self.model, self.declared = m.model, m.model.declared
-        events, system = m.events.events, m.system
+    def __init__(
+        self, model: FlatModel, form: NormalForm, system: SortedSystem, starts: Starts, clauses: EventClauses
+    ) -> None:
+        self.model, self.form, self.system, self.starts, self.clauses = model, form, system, starts, clauses
+        self.declared, events = model.declared, clauses.events
         # All that is written with expressions: what is named, and by what it is.
-        self.equations = [(named(n), t) for terms in (m.form.values, m.starts.terms, system.definitions) for n, t in terms.items()]  # fmt: skip
+        self.equations = [(named(n), t) for terms in (form.values, starts.terms, system.definitions) for n, t in terms.items()]  # fmt: skip
         self.equations += [pair[:2] for _, pairs in system.rings for pair in pairs]
         self.equations += [(named(n), t) for event in events for n, t in event.settings.items()]
         self.equations += [(e.condition, e.condition) for e in events if isinstance(e.condition, Term)]
-        self.equations += [(condition, condition) for condition, _ in m.form.requirements]
+        self.equations += [(condition, condition) for condition, _ in form.requirements]
         self.outputs = self._outputs()
         self.dimensions = self._dimensions()
         self.names, self.hidden = self._names()
         self.expressions = ExpressionWriter(self.names, self.dimensions)
 
     def _dimensions(self) -> Dimensions:
-        m, units = self.sorted, {n: declared_dimension(item) for n, item in self.declared.items()}
+        units = {n: declared_dimension(item) for n, item in self.declared.items()}
         dimensions = Dimensions(all(d in (None, ONE) for d in units.values()))
         for name, dimension in units.items():
             if dimension is not None:
                 dimensions.set(name, dimension)
-        open_states = [name for name in m.form.states if units[name] is None][:SEPARATE]
+        open_states = [name for name in self.form.states if units[name] is None][:SEPARATE]
         for name in ["time", *open_states] if not dimensions.is_plain else ():
             if name == "time" or name not in dimensions.of:
                 dimensions.set(name, ONE)
                 dimensions.infer(self.equations)
-        for name in [*self.declared, *m.events.latches]:
+        for name in [*self.declared, *self.clauses.latches]:
             dimensions.set(name, ONE)
         return dimensions
 
     def _outputs(self) -> set[str]:
         """Return what a run reports: the outputs of the file, else its states, else all that is computed."""
-        changing = {n: d for n, d in self.declared.items() if not d.is_given and n not in self.sorted.form.samples}
+        changing = {n: d for n, d in self.declared.items() if not d.is_given and n not in self.form.samples}
         public = {n for n, d in changing.items() if "protected" not in d.prefixes}
         outputs = {n for n, d in changing.items() if "output" in d.prefixes}
-        return outputs or self.sorted.form.states.keys() & public or public
+        return outputs or self.form.states.keys() & public or public
 
     def _names(self) -> tuple[dict[str, str], dict[str, str]]:
         """Return the word for each name, and that of the output for those that are modes or solved."""
-        new, m = NewNames({"time", *(word for word, _ in WRITTEN.values())}), self.sorted
+        new = NewNames({"time", *(word for word, _ in WRITTEN.values())})
         words = {name: new.new(name) for name in self.declared} | {"time": "time"}
-        hidden = {n: words[n] for n in words if n in self.outputs and (n in m.form.modes or n in m.system.solved)}
-        words |= {n: new.new(f"{n}_{'now' if n in m.form.modes else 'solved'}") for n in hidden}
-        words |= {f"der({n})": new.new(f"der_{words[n]}") for n in m.form.states}
-        words |= {n: new.new(n) for n in m.events.latches}
+        hidden = {n: words[n] for n in words if n in self.outputs and (n in self.form.modes or n in self.system.solved)}
+        words |= {n: new.new(f"{n}_{'now' if n in self.form.modes else 'solved'}") for n in hidden}
+        words |= {f"der({n})": new.new(f"der_{words[n]}") for n in self.form.states}
+        words |= {n: new.new(n) for n in self.clauses.latches}
         self.experiment = new.new("run")
         return words, hidden
 
@@ -113,21 +99,20 @@ class _ModelWriter:
         return "\n".join([head, *(f"  {line}" for line in [*about, *self._statements()]), "}", ""])
 
     def _statements(self) -> Iterator[str]:
-        m = self.sorted
         yield from (self._given(item) for item in self.declared.values() if item.is_given)
-        yield from (f"{self._head(name, 'mode')} = {self._start(name)}" for name in m.form.modes)
-        yield from (f"mode {self.names[name]} = false" for name in m.events.latches)
+        yield from (f"{self._head(name, 'mode')} = {self._start(name)}" for name in self.form.modes)
+        yield from (f"mode {self.names[name]} = false" for name in self.clauses.latches)
         yield from self._computed()
-        yield from (self._ring(names, pairs) for names, pairs in m.system.rings)
+        yield from (self._ring(names, pairs) for names, pairs in self.system.rings)
         yield from (f"output {word} = {self.names[n]}{self._described(n)}" for n, word in self.hidden.items())
-        for event in m.events.events:
+        for event in self.clauses.events:
             yield from self._event(event)
-        for condition, words in m.form.requirements:
+        for condition, words in self.form.requirements:
             yield f'require {self.expressions.text(condition)} "{text_of(words)}"'
         yield from self._experiment()
 
     def _given(self, item: ComponentDeclaration) -> str:
-        term = self.sorted.form.values.get(item.name, self.sorted.form.starts.get(item.name))
+        term = self.form.values.get(item.name, self.form.starts.get(item.name))
         word = "input" if "input" in item.prefixes else "constant" if item.prefixes & {"constant", "final"} else "parameter"  # fmt: skip
         if word == "input":
             term = term or (FALSE if item.kind == "Boolean" else ZERO)
@@ -138,11 +123,11 @@ class _ModelWriter:
         return f"{self._head(item.name, word)} = {value}{self._described(item.name)}"
 
     def _start(self, name: str) -> str:
-        return self._term(self._before_the_run(self.sorted.starts.terms[name], self.declared[name]), name)
+        return self._term(self._before_the_run(self.starts.terms[name], self.declared[name]), name)
 
     def _computed(self) -> Iterator[str]:
         """Yield states and definitions; a derivative that only its state reads stands in the integral."""
-        form, definitions = self.sorted.form, self.sorted.system.definitions
+        form, definitions = self.form, self.system.definitions
         read = names_in(*(t for pair in self.equations for t in pair if t.kind != "name" or t.word not in definitions))
         words = {n: "output" if n in self.outputs and n not in self.hidden else "signal" for n in self.declared}
         for name in form.states:
@@ -161,7 +146,7 @@ class _ModelWriter:
             dimension = self.dimensions.dimension(left) or self.dimensions.dimension(right) or ONE
             equations.append(" = ".join(self.expressions.text(side, dimension) for side in (left, right)))
         for name in names:
-            guess = self.sorted.form.starts.get(name)
+            guess = self.form.starts.get(name)
             value = "" if guess is None else f" = {self._term(self._before_the_run(guess, self.declared[name]), name)}"
             unknowns.append(self._head(name, with_unit=guess is None) + value)
         return f"solve {', '.join(equations)} for {', '.join(unknowns)}"
@@ -180,9 +165,9 @@ class _ModelWriter:
             self.model.experiment,
             "" if self.dimensions.is_plain else " [s]" if "s" in self.names.values() else " s",
         )
-        if "StopTime" in facts or self.sorted.starts.is_rest:
+        if "StopTime" in facts or self.starts.is_rest:
             begin, end = (number_text(facts.get(n, d)) for n, d in (("StartTime", 0.0), ("StopTime", 1.0)))
             options = f" {{ rtol = {facts['Tolerance']:g} }}" if 1e-13 <= facts.get("Tolerance", 0) <= 1e-2 else ""
-            rest = "equilibrium; " if self.sorted.starts.is_rest else ""
+            rest = "equilibrium; " if self.starts.is_rest else ""
             begin += seconds * (begin != "0")
             yield f"experiment {self.experiment} {{ {rest}simulate {begin} .. {end}{seconds}{options} }}"
