@@ -22,6 +22,7 @@ from ...results.checkpoint import DelayHistory
 DEGREE = 5  # degree of the polynomials, equal to that of the solver's dense output
 # Every second one is a node, the others show the error.
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(2 * DEGREE + 1) / (2 * DEGREE))
+SIGNS = np.where(np.arange(len(PLACES)) % 2, -1.0, 1.0)[:, None]
 TO_COEFFICIENTS = np.linalg.inv(np.vander(PLACES[::2], increasing=True))
 BETWEEN = np.vander(PLACES[1::2], DEGREE + 1, increasing=True)
 SHARE = 0.1  # of the relative tolerance: largest error of a polynomial
@@ -32,6 +33,10 @@ JUMP = 1e-9  # relative change that counts as a jump
 ROUNDS = 50  # iterations at the start for signals that depend on each other's past
 NEWTON = 10  # steps of Newton's method if these do not settle
 ROUNDED = 1e-14  # relative difference that is rounding
+EPS, NOISE = (
+    float(np.finfo(float).eps),
+    100.0,
+)  # what is below so many times the change by a last place of the states is rounding
 
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
@@ -207,7 +212,14 @@ class History:
             piece = TO_COEFFICIENTS @ (values - values[0])
             piece[0] += values[0]  # so that what stands still is delayed without rounding
             rounding = ROUNDED * (self.alike * self.largest).max(axis=1)
-            off = np.abs(BETWEEN @ piece - between) > np.fmax(SHARE * relative * self.largest, rounding)
+            miss = np.abs(BETWEEN @ piece - between)
+            off = miss > np.fmax(SHARE * relative * self.largest, rounding)
+            if off.any() or jumps:  # it may be no more than what last places of time and states do, where terms cancel
+                states = state_at(times)
+                near = delays.values(times, states * (1.0 + EPS * SIGNS), inputs, self.constants, mode)
+                noise = NOISE * np.abs(np.asarray(near) - sampled).max(axis=0)
+                off &= miss > noise
+                jumps = jumps and bool((np.abs(values[0] - self.last) > noise).any())
             if off.any() and depth < DEEPEST and len(depths) < MOST_PIECES:
                 joint = self._joint(start, stop)
                 middle = 0.5 * (start + stop) if joint is None else joint
