@@ -21,7 +21,7 @@ from ...simulation.integrators.acceptance.event_indicators import (
     look_ahead,
 )
 from ...simulation.integrators.acceptance.zero_crossings import FREE, truth
-from .instance import ERROR, OK, SLIDES, EventData, FmuInstance
+from .instance import OK, SLIDES, EventData, FmuInstance, refused
 from .segment import INFINITE
 
 CLOSE, VANISHES = mode_iteration.CLOSE, mode_iteration.VANISHES
@@ -150,8 +150,7 @@ def rest_between(s: FmuInstance) -> int:
         return OK
     reach = 4.0
     if k.flows == 0 or (e.alike == 0 and not vanishes(s)):
-        s.message = SLIDES
-        return ERROR
+        return refused(s, SLIDES)
     if e.alike == 0:
         reach = max(reach, k.relative / NOISE)
         put_flips(s, k.truth)

@@ -13,7 +13,6 @@ from ...simulation.integrators.methods import PARTS
 from .conditions import count_in, guess_mode, look, put, said, settle_mode
 from .instance import (
     CROWDED,
-    ERROR,
     KEPT,
     NOT_FINITE,
     OK,
@@ -23,6 +22,7 @@ from .instance import (
     WRONG_SAMPLING,
     EventData,
     FmuInstance,
+    refused,
 )
 from .segment import collect_ticks, enter_segment, forget
 
@@ -50,8 +50,7 @@ def instant(s: FmuInstance) -> int:
     k = e.conditions
     w = s.solver
     if e.wrong != 0:
-        s.message = WRONG_SAMPLING
-        return ERROR
+        return refused(s, WRONG_SAMPLING)
     collect_ticks(s)
     enter_segment(s)
     s.segment_known = 1
@@ -84,8 +83,7 @@ def instant(s: FmuInstance) -> int:
     if acted == 0:
         keep_doubtful(s, again)
     if e.simultaneous > MOST_AT_ONCE or is_piled_up(s):
-        s.message = PILED_UP
-        return ERROR
+        return refused(s, PILED_UP)
     return OK
 
 
@@ -120,8 +118,7 @@ def happen(s: FmuInstance) -> int:
             reread(e.conditions)
             count_in(s)
             failed = settle_mode(s)
-    s.message = WITHOUT_END
-    return ERROR
+    return refused(s, WITHOUT_END)
 
 
 def act(s: FmuInstance, at_once: int) -> int:
@@ -134,11 +131,9 @@ def act(s: FmuInstance, at_once: int) -> int:
         if acts_now(e, k, at_once):
             for i in range(k):
                 if acts_now(e, i, at_once) and e.is_mode[i] == e.is_mode[k] and e.position[i] == e.position[k]:
-                    s.message = SET_TWICE
-                    return ERROR
+                    return refused(s, SET_TWICE)
             if not isfinite(e.values[k]):
-                s.message = NOT_FINITE
-                return ERROR
+                return refused(s, NOT_FINITE)
             if e.is_mode[k] != 0:
                 w.mode[e.position[k]] = e.values[k]
             else:

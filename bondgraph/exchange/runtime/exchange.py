@@ -14,7 +14,6 @@ from ...simulation.integrators.tolerances import (
 from .conditions import indicate
 from .events import instant, steady
 from .instance import (
-    ERROR,
     EVENT_MODE,
     EVENTS,
     INITIALIZING,
@@ -24,6 +23,7 @@ from .instance import (
     RUNNING,
     TERMINATED,
     FmuInstance,
+    refused,
 )
 from .segment import INFINITE, forget
 from .values import check_limits, check_start, find_outputs, find_rates, may_start, settle
@@ -35,8 +35,7 @@ LAST_TIME, TERMINATED_STATUS = 2, 3  # kinds of status that an importer asks for
 def set_up(s: FmuInstance, has_tolerance: int, tolerance: float, start: float, has_stop: int, stop: float) -> int:
     """Take the experiment of the importer."""
     if s.phase != INSTANTIATED:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     s.time = start
     s.segment_known = 0
     s.stop = stop if has_stop != 0 else INFINITE
@@ -70,8 +69,7 @@ def hold(s: FmuInstance, relative: float) -> None:
 def end_initialization(s: FmuInstance) -> int:
     """End the initialization."""
     if s.phase != INITIALIZING:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     settle(s)
     failed = check_start(s)
     if failed != OK:
@@ -158,8 +156,7 @@ def set_time(s: FmuInstance, time: float) -> int:
 def set_states(s: FmuInstance, states: Floats, count: int) -> int:
     """Set all states."""
     if count != s.solver.n:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     settle(s)
     for i in range(count):
         s.state[i] = states[i]
@@ -195,8 +192,7 @@ def get_nominals(s: FmuInstance, nominals: Floats, count: int) -> int:
 def get_indicators(s: FmuInstance, indicators: Floats, count: int) -> int:
     """Put the event indicators into an array."""
     if count != s.solver.root_count:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     settle(s)
     if count > 0:
         indicate(s, indicators)
@@ -232,8 +228,7 @@ def count_indicators(s: FmuInstance, number: Ints) -> int:
 def get_truth(s: FmuInstance, kind: int, value: ShortInts) -> int:
     """Tell if an event has ended the run."""
     if kind != TERMINATED_STATUS:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     value[0] = s.events.ended if s.has_events != 0 else 0
     return OK
 
@@ -241,8 +236,7 @@ def get_truth(s: FmuInstance, kind: int, value: ShortInts) -> int:
 def get_number(s: FmuInstance, kind: int, value: Floats) -> int:
     """Tell the time that a communication step has reached."""
     if kind != LAST_TIME:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     value[0] = s.time
     return OK
 

@@ -137,3 +137,9 @@ class FmuInstance(Record):
     slopes_known: int
     broken: int  # 1 if the integration cannot go on from its last step
     own_method: int  # with which an integration begins
+
+
+def refused(s: FmuInstance, message: int) -> int:
+    """Refuse a call of the importer, with a message that says why."""
+    s.message = message
+    return ERROR

@@ -25,6 +25,7 @@ from .instance import (
     WARNING,
     WRONG_TIME,
     FmuInstance,
+    refused,
 )
 from .segment import INFINITE, forget
 from .values import check_limits, judge_limits, settle
@@ -40,11 +41,9 @@ TINY = 1e5  # up to which a step is one that the end of a communication step has
 def do_step(s: FmuInstance, time: float, size: float) -> int:
     """Integrate up to the next communication point."""
     if s.phase != RUNNING:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     if abs(time - s.time) > ROUNDING * max(ulp(time), ulp(time + size)) or not size >= 0.0 or not isfinite(time + size):
-        s.message = WRONG_TIME
-        return ERROR
+        return refused(s, WRONG_TIME)
     s.waiting = 0
     settle(s)
     answer = OK

@@ -24,6 +24,7 @@ from .instance import (
     START,
     WARNING,
     FmuInstance,
+    refused,
 )
 from .segment import enter_segment, forget, inside, near_ticks, place_ticks, tick
 
@@ -60,8 +61,7 @@ def find_rates(s: FmuInstance) -> int:
         w.derivative(inside(s), s.state, w.inputs, w.constants, w.mode, s.rates)
         for i in range(w.n):
             if not isfinite(s.rates[i]):
-                s.message = NOT_FINITE
-                return ERROR
+                return refused(s, NOT_FINITE)
     s.rates_known = 1
     return OK
 
@@ -74,8 +74,7 @@ def find_outputs(s: FmuInstance) -> int:
         s.find_output(inside(s), s.state, w.inputs, w.constants, w.mode, s.outputs)
         for i in range(s.output_count):
             if not isfinite(s.outputs[i]):
-                s.message = NOT_FINITE
-                return ERROR
+                return refused(s, NOT_FINITE)
         s.outputs_known = 1
     return OK
 
@@ -93,13 +92,13 @@ def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
     """Put the values of some references into an array."""
     n = s.solver.n
     if count < 0:
-        return unknown(s)
+        return refused(s, NO_VALUE)
     for k in range(count):
         place = references[k]
         if place == 0:
             values[k] = s.time
         elif place < 0:
-            return unknown(s)
+            return refused(s, NO_VALUE)
         elif place <= n:
             settle(s)
             values[k] = s.state[place - 1]
@@ -125,7 +124,7 @@ def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
             indicate(s, s.events.conditions.change)
             values[k] = s.events.conditions.change[mode_place(s, place) - s.events.discrete_count]
         else:
-            return unknown(s)
+            return refused(s, NO_VALUE)
     return OK
 
 
@@ -136,10 +135,9 @@ def get_clocks(s: FmuInstance, references: ShortInts, count: int, values: Bytes)
             mode_place(s, references[k]) - s.events.discrete_count - s.solver.root_count if s.has_events != 0 else -1
         )
         if place < 0 or place >= s.events.sample_count:
-            return unknown(s)
+            return refused(s, NO_VALUE)
         if s.phase != EVENTS and s.phase != INITIALIZING:
-            s.message = NOT_NOW
-            return ERROR
+            return refused(s, NOT_NOW)
         settle(s)
         acted = s.events.begins != 0 and s.events.acted[s.events.sampled[place]] != 0
         values[k] = 1 if acted or tick(s.events, place) <= s.time + near_ticks(s, place) else 0
@@ -156,26 +154,18 @@ def is_mode(s: FmuInstance, place: int) -> bool:
     return s.has_events != 0 and place >= 0 and place < s.events.discrete_count
 
 
-def unknown(s: FmuInstance) -> int:
-    """Refuse a reference that there is not, or that is not to be set."""
-    s.message = NO_VALUE
-    return ERROR
-
-
 def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
     """Set states, inputs, parameters, and before the run begins discrete variables."""
     n = s.solver.n
     if count < 0:
-        return unknown(s)
+        return refused(s, NO_VALUE)
     for k in range(count):
         if not isfinite(values[k]):
-            s.message = NOT_FINITE
-            return ERROR
+            return refused(s, NOT_FINITE)
         place = references[k] - 1
         if 0 <= place < n:
             if s.phase == RUNNING and s.makes_steps != 0:
-                s.message = NOT_NOW
-                return ERROR
+                return refused(s, NOT_NOW)
             s.state[place] = values[k]
             s.is_set[place] = 1
             forget(s)
@@ -193,7 +183,7 @@ def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
             s.events.is_set[mode_place(s, references[k])] = 1
             forget(s)
         else:
-            return unknown(s)
+            return refused(s, NO_VALUE)
     return OK
 
 
@@ -204,12 +194,12 @@ def get_slopes(s: FmuInstance, unknowns: ShortInts, unknown_count: int, knowns: 
     for k in range(known_count):
         column = column_of(s, knowns[k] - 1)
         if column < 0:
-            return no_slope(s)
+            return refused(s, NO_SLOPE)
         s.seed[column] += seed[k]
     for k in range(unknown_count):
         row = row_of(s, unknowns[k] - 1)
         if row < 0:
-            return no_slope(s)
+            return refused(s, NO_SLOPE)
         total = 0.0
         for i in range(s.slope_count):
             if s.slope_rows[i] == row:
@@ -227,14 +217,14 @@ def get_adjoint_slopes(
     for k in range(unknown_count):
         row = row_of(s, unknowns[k] - 1)
         if row < 0:
-            return no_slope(s)
+            return refused(s, NO_SLOPE)
         for i in range(s.slope_count):
             if s.slope_rows[i] == row:
                 s.seed[s.slope_columns[i]] += seed[k] * s.slopes[i]
     for k in range(known_count):
         column = column_of(s, knowns[k] - 1)
         if column < 0:
-            return no_slope(s)
+            return refused(s, NO_SLOPE)
         result[k] = s.seed[column]
     return OK
 
@@ -242,17 +232,11 @@ def get_adjoint_slopes(
 def begin_slopes(s: FmuInstance, count: int) -> int:
     """Compute the slopes, and begin with a direction of zeros."""
     if count < 0:
-        return unknown(s)
+        return refused(s, NO_VALUE)
     find_all_slopes(s)
     for i in range(s.solver.n + s.input_count):
         s.seed[i] = 0.0
     return OK
-
-
-def no_slope(s: FmuInstance) -> int:
-    """Refuse derivatives of or by other quantities."""
-    s.message = NO_SLOPE
-    return ERROR
 
 
 def column_of(s: FmuInstance, place: int) -> int:
@@ -297,16 +281,14 @@ def judge_limits(s: FmuInstance, time: float, state: Floats) -> int:
             answer = WARNING
             continue
         if s.limit_kind[k] == START:
-            s.message = LIMITS + k
-            return ERROR
+            return refused(s, LIMITS + k)
         s.find_limits(time, state, w.inputs, w.constants, w.mode, s.limit_values)
         at = s.limit_place[k]
         x = s.limit_values[at]
         low = s.limit_values[at + 1]
         high = s.limit_values[at + 2]
         if not max(low - x, x - high) <= s.relative * (high - low):
-            s.message = LIMITS + k
-            return ERROR
+            return refused(s, LIMITS + k)
     return answer
 
 
@@ -315,32 +297,28 @@ def check_start(s: FmuInstance) -> int:
     w = s.solver
     for i in range(w.n):
         if not isfinite(s.state[i]):
-            s.message = NOT_FINITE
-            return ERROR
+            return refused(s, NOT_FINITE)
     if w.limit_count > 0:
         w.holds(inside(s), s.state, w.inputs, w.constants, w.mode, w.truth)
     for k in range(w.limit_count):
         if s.limit_kind[k] == START and w.truth[k] != 1.0:
-            s.message = LIMITS + k
-            return ERROR
+            return refused(s, LIMITS + k)
     return OK
 
 
 def may_start(s: FmuInstance) -> int:
     """Begin the initialization."""
     if s.phase != INSTANTIATED:
-        s.message = NOT_NOW
-        return ERROR
+        return refused(s, NOT_NOW)
     s.phase = INITIALIZING
     return OK
 
 
 def have_none(s: FmuInstance, count: int) -> int:
     """Answer to a request of values of a type that no quantity has."""
-    return OK if count == 0 else unknown(s)
+    return OK if count == 0 else refused(s, NO_VALUE)
 
 
 def refuse(s: FmuInstance) -> int:
     """Refuse what no unit of ours does."""
-    s.message = NOT_NOW
-    return ERROR
+    return refused(s, NOT_NOW)
