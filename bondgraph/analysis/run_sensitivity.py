@@ -15,6 +15,7 @@ import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -271,7 +272,7 @@ class LinearizedDynamics:
                 if np.linalg.norm(error) <= math.sqrt(error.size):
                     finer.append((n, a, m, b))
                 else:
-                    finer += self._halves(n, a, m, b)
+                    finer += self._finer(n, a, m, b)
             if len(finer) == len(parts):
                 break
             if len(finer) > MOST_PARTS:
@@ -312,11 +313,13 @@ class LinearizedDynamics:
             i += 1 + is_pair
         return pairs
 
-    def _halves(self, number: int, start: float, middle: float, stop: float) -> tuple[Parts, Parts]:
-        """Return both parts with halves of their own. Raises `RunFailed`."""
+    def _finer(self, number: int, start: float, middle: float, stop: float) -> list[Parts]:
+        """Return both parts with halves of their own; sixteen, if there is a kink. Raises `RunFailed`."""
         if not stop - start > SAME_INSTANT * max(abs(start), abs(stop)):
             raise lost_at(start)
-        return (number, start, (start + middle) / 2, middle), (number, middle, (middle + stop) / 2, stop)
+        count = 1 if self.bent.isdisjoint(((number, start, middle), (number, middle, stop))) else 8
+        edges = np.concatenate([np.linspace(start, middle, count + 1), np.linspace(middle, stop, count + 1)[1:]])
+        return [(number, a, (a + b) / 2, b) for a, b in pairwise(edges.tolist())]
 
     def _map(self, parts: Set[Part], maps: dict[Part, tuple[Array, Array]]) -> None:
         """Add the affine maps of S, in sizes of states and parameters, over some parts."""
