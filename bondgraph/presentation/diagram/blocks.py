@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .diagram_model import DiagramLine, DiagramNode
-from .overlap import Point, Rectangles, Vector, joined, moved
+from .overlap import Point, Rectangles, Vector, bounds, joined, moved
 
 RIGHT, DOWN, LEFT, UP = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
 
@@ -47,6 +47,12 @@ class Block:
     taken: Rectangles  # the rectangle of the root comes first
     cost: float
     reach: float = 0.0  # from the origin to the border of the root, against the direction of growth
+
+    @property
+    def worth(self) -> float:
+        """Cost of the part and of its size; a smaller one is better."""
+        left, top, right, bottom = bounds(self.taken)
+        return self.cost + 0.15 * (right - left) + 0.25 * (bottom - top)
 
     def at(self, x: float, y: float) -> Block:
         """Return the same part at another position."""

@@ -159,12 +159,7 @@ def _worth(model: DiagramModel, web: _Web, closing: Sequence[int], block: Block)
     far = sum(math.dist(*(block.places[web.stubs[n, e]] for e in model.lines[n].ends)) for n in closing)
     read = [[block.places.get(n) for n in (x.source, x.target) if n is not None] for x in model.signals]
     apart = sum(math.dist(a, b) for a, b in (ends for ends in read if len(ends) == 2) if a and b)
-    return round(_size(block) + far + SIGNAL * apart, 3)
-
-
-def _size(block: Block) -> float:
-    left, top, right, bottom = bounds(block.taken)
-    return block.cost + 0.15 * (right - left) + 0.25 * (bottom - top)
+    return round(block.worth + far + SIGNAL * apart, 3)
 
 
 def _finished(model: DiagramModel, tree: _Tree, rounds: int) -> tuple[float, DiagramLayout]:
@@ -178,7 +173,7 @@ def _finished(model: DiagramModel, tree: _Tree, rounds: int) -> tuple[float, Dia
     bonds, signals = list(layout.bonds.values()), list(layout.signals.values())
     routed = [layout.bonds[n] for n in tree.closing]
     prices = _price(routed) + SIGNAL * _price(signals) + 150 * (_crossings([*bonds, *signals]))
-    return round(_size(tree.block) + prices, 3), layout
+    return round(tree.block.worth + prices, 3), layout
 
 
 def _price(ways: Sequence[Sequence[Point]]) -> float:

@@ -62,13 +62,13 @@ def grow_tree(
 def _grow(tree: Growth, node: int, along: Vector | None) -> Block:
     if tree.nodes[node].shape == "box":
         return box_around(tree, node, along)
-    best: Block | None = None
+    best, worth = None, math.inf
     for least, sides in _by_price(tree, _arrangements(tree, node, along)):
-        if best is not None and least >= _worth(best):
+        if least >= worth:
             break  # the remaining arrangements cost more even without pushing
         block = _arranged(tree, sides, node, along)
-        if best is None or _worth(block) < _worth(best):
-            best = block
+        if best is None or round(block.worth, 3) < worth:
+            best, worth = block, round(block.worth, 3)
     assert best is not None
     return best
 
@@ -87,11 +87,6 @@ def _by_price(tree: Growth, arrangements: Iterator[Arrangement]) -> list[tuple[f
         )
         priced.append((least + size, sides))
     return sorted(priced, key=lambda item: item[0])
-
-
-def _worth(block: Block) -> float:
-    left, top, right, bottom = bounds(block.taken)
-    return round(block.cost + 0.15 * (right - left) + 0.25 * (bottom - top), 3)
 
 
 def _slanted(tree: Growth, node: int, along: Vector) -> Block:

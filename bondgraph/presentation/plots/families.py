@@ -11,7 +11,7 @@ from compiler.api import Array
 
 from ...errors import RunFailed, UsageError
 from ..text.tables import labelled, short, time_unit, visible
-from .sheet import PANELS, legend, picture, stack, tell_omitted
+from .sheet import PANELS, legend, picture, rows, tell_omitted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,9 +56,7 @@ def _family(runs: Sequence[Result], labels: Sequence[str]) -> Figure:
     if not runs:
         raise RunFailed("BR944", "none of the runs has a result to draw")
     items = [item for item, _ in runs[0].shown()]
-    count = max(1, min(len(items), PANELS))
-    title = f"{runs[0].title}, {len(runs)} runs"
-    figure, panels = stack(title, 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count)
+    figure, panels = rows(f"{runs[0].title}, {len(runs)} runs", min(len(items), PANELS))
     unit, factor = time_unit(max(float(np.abs(run.time).max(initial=0.0)) for run in runs))
     times = max((run.time for run in runs), key=len)
     together = all(np.array_equal(run.time, times[: len(run.time)]) for run in runs)

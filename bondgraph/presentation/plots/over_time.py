@@ -11,7 +11,7 @@ from compiler.api import Array
 
 from ...errors import UsageError
 from ..text.tables import labelled, short, time_unit, visible
-from .sheet import PANELS, curve_style, legend, picture, stack, tell_omitted
+from .sheet import PANELS, curve_style, legend, picture, rows, stack, tell_omitted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +35,7 @@ def plot_result(result: Result) -> Figure:
     shown = list(groups.items())[:PANELS]
     omitted = [name for _, curves in shown for name, _ in curves[CURVES:]]
     omitted += [name for curves in list(groups.values())[PANELS:] for name, _ in curves]
-    count = max(1, len(shown))
-    figure, panels = stack(result.title, 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count)
+    figure, panels = rows(result.title, len(shown))
     labels = (f"{short(c[0][0], 30) if len(c) == 1 else ''} [{visible(unit)}]".strip() for unit, c in shown)
     curves = [(label, c[:CURVES]) for label, (_, c) in zip(labels, shown, strict=True)]
     factor = _over_time(figure, panels, result.time, curves, _crowded)
@@ -58,9 +57,8 @@ def plot_comparison(comparison: CurveComparison) -> Figure:
         (item, values) for item, values in run.shown() if any(item.name in other.values for other in comparison.others)
     ]
     panels_of, omitted = shown[:PANELS], [item.name for item, _ in shown[PANELS:]]
-    count = max(1, len(panels_of))
     title = f"{run.title} and {', '.join(other.label for other in comparison.others)}"
-    figure, panels = stack(short(title, 90), 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count)
+    figure, panels = rows(short(title, 90), len(panels_of))
     unit, factor = time_unit(float(np.abs(run.time).max(initial=0.0)))
     for panel, (item, values) in zip(panels, panels_of, strict=False):
         panel.plot(run.time * factor, values, **curve_style(0))
@@ -114,19 +112,15 @@ def _crowded(count: int) -> dict[str, Any]:
 def plot_energies(found: Energies) -> Figure:
     """Return supplied energy and its distribution; below, the elements with most of it."""
     figure, panels = stack(f"{found.title}, energy", 8.0, 6.0, 2)
-    sums = {
-        "supplied": found.supplied,
-        "stored": found.stored,
-        "in motion": found.motion,
-        "dissipated": found.dissipated,
-    }
-    sums = {n: v for n, v in sums.items() if np.abs(v).max(initial=0.0) > 0}
+    parts = (found.supplied, found.stored, found.motion, found.dissipated)
+    named = zip(("supplied", "stored", "in motion", "dissipated"), parts, strict=True)
+    sums = {n: v for n, v in named if np.abs(v).max(initial=0.0) > 0}
     sizes = {n: float(np.abs(v).max(initial=0.0)) for n, v in found.elements.items()}
     largest = sorted((n for n in sizes if sizes[n] > 0), key=lambda n: -sizes[n])[:MOST]
     most = max([float(np.abs(v).max()) for v in sums.values()], default=1.0)
     scale, unit = next((pair for pair in reversed(PREFIXES) if most >= pair[0]), PREFIXES[0])
-    rows = (sums, {n: found.elements[n] for n in largest})
-    curves = [(f"energy [{unit}]", [(n, v / scale) for n, v in row.items()]) for row in rows]
+    drawn = (sums, {n: found.elements[n] for n in largest})
+    curves = [(f"energy [{unit}]", [(n, v / scale) for n, v in row.items()]) for row in drawn]
     _over_time(figure, panels, found.time, curves)
     return figure
 

@@ -101,6 +101,12 @@ def stack(title: str, width: float, height: float, count: int, **options: Any) -
     return figure, panels
 
 
+def rows(title: str, count: int) -> tuple[Figure, list[Axes]]:
+    """Return a sheet with panels over time, at least one; a single one is higher."""
+    count = max(1, count)
+    return stack(title, 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count)
+
+
 def curve_style(place: int) -> dict[str, Any]:
     """Return colour, dashes and width of a panel's curve at this place."""
     return {"color": COLOURS[place % len(COLOURS)], "linestyle": DASHES[place % len(DASHES)], "linewidth": 1.4}

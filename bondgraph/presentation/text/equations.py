@@ -20,32 +20,27 @@ def equations_text(space: StateSpace, latex: bool) -> str:
 
 
 def _text_lines(space: StateSpace) -> Iterator[str]:
-    symbol = symbols_of([v.name for v in space.variables])
+    names = [v.name for v in space.variables]
+    symbol = symbols_of(names)
     unknowns = {u.residual: u for u in space.unknowns}
     rows: list[tuple[str, str]] = []
     for step in space.steps:
         place = step.span.file_and_line
         if isinstance(step, LinearLoop):
-            names = ", ".join(space.variables[t].name for t in step.targets)
             matrix = "; ".join(" ".join(str(symbol(e)) for e in row) for row in step.matrix)
-            right = "; ".join(str(symbol(e)) for e in step.right)
-            rows.append((f"solve [{matrix}] [{names}] = [{right}]", f"{place} loop of {', '.join(step.members)}"))
-            continue
-        right_side = to_sympy(step.expression, symbol)
-        if step.target in unknowns:
-            unknown = unknowns[step.target]
-            solved_for = f"solved for {space.variables[unknown.variable].name}, loop of {', '.join(unknown.members)}"
-            rows.append((f"0 = {right_side}", f"{place} {solved_for}"))
-            continue
-        rows.append((f"{space.variables[step.target].name} = {right_side}", place))
+            targets, right = ", ".join(names[t] for t in step.targets), "; ".join(str(symbol(e)) for e in step.right)
+            rows.append((f"solve [{matrix}] [{targets}] = [{right}]", f"{place} loop of {', '.join(step.members)}"))
+        elif (unknown := unknowns.get(step.target)) is not None:
+            solved_for = f"solved for {names[unknown.variable]}, loop of {', '.join(unknown.members)}"
+            rows.append((f"0 = {to_sympy(step.expression, symbol)}", f"{place} {solved_for}"))
+        else:
+            rows.append((f"{names[step.target]} = {to_sympy(step.expression, symbol)}", place))
     for state in space.states:
-        rate = space.variables[state.rate].name
-        start = f"{state.start:.12g}" if isinstance(state.start, float) else space.variables[state.start].name
-        place = state.span.file_and_line
-        rows.append((f"d/dt {space.variables[state.variable].name} = {rate}", f"{place} starts at {start}"))
+        start = f"{state.start:.12g}" if isinstance(state.start, float) else names[state.start]
+        place = f"{state.span.file_and_line} starts at {start}"
+        rows.append((f"d/dt {names[state.variable]} = {names[state.rate]}", place))
     width = min(72, max((len(r[0]) for r in rows), default=0))
-    for text, place in rows:
-        yield f"{text.ljust(width)}  # {place}"
+    return (f"{text.ljust(width)}  # {place}" for text, place in rows)
 
 
 def symbols_of(names: Sequence[str]) -> Callable[[int | float], Any]:
@@ -65,14 +60,9 @@ def to_number(value: float) -> Any:
 def _latex_lines(space: StateSpace) -> Iterator[str]:
     import sympy
 
-    names = {}
-
-    def symbol(entry: int | float) -> Any:
-        if isinstance(entry, float):
-            return to_number(entry)
-        made = sympy.Symbol(f"v{entry}")
-        names[made] = latex_name(space.variables[entry].name)
-        return made
+    written = [latex_name(v.name) for v in space.variables]
+    symbol = symbols_of([f"v{number}" for number in range(len(written))])
+    names = {symbol(number): name for number, name in enumerate(written)}
 
     def text(expression: object) -> str:
         return str(sympy.latex(expression, symbol_names=names))
@@ -83,30 +73,15 @@ def _latex_lines(space: StateSpace) -> Iterator[str]:
             matrix = sympy.Matrix([[symbol(e) for e in row] for row in step.matrix])
             left = sympy.Matrix([symbol(t) for t in step.targets])
             yield f"{text(matrix)} {text(left)} &= {text(sympy.Matrix([symbol(e) for e in step.right]))}"
-            continue
-        right_side = to_sympy(step.expression, symbol)
-        if step.target in unknowns:
-            solved_for = latex_name(space.variables[unknowns[step.target].variable].name)
-            yield f"0 &= {text(right_side)} && \\text{{solved for }} {solved_for}"
-            continue
-        yield f"{latex_name(space.variables[step.target].name)} &= {text(right_side)}"
+        elif (unknown := unknowns.get(step.target)) is not None:
+            yield f"0 &= {text(to_sympy(step.expression, symbol))} && \\text{{solved for }} {written[unknown.variable]}"
+        else:
+            yield f"{written[step.target]} &= {text(to_sympy(step.expression, symbol))}"
     for state in space.states:
-        variable, rate = (latex_name(space.variables[v].name) for v in (state.variable, state.rate))
-        yield f"\\frac{{\\mathrm{{d}}}}{{\\mathrm{{d}}t}} {variable} &= {rate}"
+        yield f"\\frac{{\\mathrm{{d}}}}{{\\mathrm{{d}}t}} {written[state.variable]} &= {written[state.rate]}"
 
 
-_ESCAPES = {
-    "_": r"\_",
-    "^": r"\hat{}",
-    "%": r"\%",
-    "#": r"\#",
-    "&": r"\&",
-    "$": r"\$",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\sim ",
-    "\\": r"\backslash ",
-}
+_ESCAPES = {**{c: f"\\{c}" for c in "_%#&${}"}, "^": r"\hat{}", "~": r"\sim ", "\\": r"\backslash "}
 
 
 def latex_name(name: str) -> str:
