@@ -20,7 +20,7 @@ from ..multibody import PortMotion, mechanism_equations
 from .builder import EquationBuilder
 from .errors import NotInvertible
 from .events import event_equations
-from .fields import without_energy
+from .fields import is_lost_in_rounding, without_energy
 from .integrals import FlowIntegrals
 from .laws import GIVEN, paired, ratio, solved, total_residual
 from .naming import letter_of, port_name, unit_of
@@ -29,6 +29,11 @@ from .storage_jumps import storage_jumps
 from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
 
 INTEGRATED = {"q": "f", "p": "e"}  # the variable that a storage integrates
+
+ROUNDED = (
+    "Its matrix is singular but for rounding, which would decide the result. Write what is left: two coils with all flux in common are a `TF` and one `I` "
+    "on a side of it, two plates one `C` on the `1` between them."
+)
 
 
 def derive_equations(
@@ -181,8 +186,9 @@ class _Nodes:
             total = total_residual(node.law, wanted[0], fixed) if alone else None
             self.formulas[key] = tuple(map(bind, found or ())), implicit, None if total is None else bind(total)
         bounds, implicit, total_form = self.formulas[key]
-        if not bounds:
-            self._not_decided(node, wanted)
+        is_lost = not implicit and is_lost_in_rounding(node, self.graph, wanted)
+        if is_lost or not bounds:
+            self._not_decided(node, wanted, ROUNDED * is_lost)
             return False
 
         def put(keys: tuple[Any, ...]) -> tuple[Argument, ...]:
@@ -199,14 +205,15 @@ class _Nodes:
                 self.to.add(Assignment(target, bound.formula, arguments, node.span, node.name, implicit, residual))
         return True
 
-    def _not_decided(self, node: Element, wanted: tuple[PortVariable, ...]) -> None:
+    def _not_decided(self, node: Element, wanted: tuple[PortVariable, ...], why: str) -> None:
         words = {"e": "effort", "f": "flow", "q": "displacement", "p": "momentum"}
         asked = " and ".join(dict.fromkeys(words[w.variable] for w in wanted))
         effort = wanted[0].variable in "ep"
         sides = [side for equation in node.law.equations for side in equation]
         word = "flow" if effort else "effort"
         hint = (
-            obstacle(sides)
+            why
+            or obstacle(sides)
             or f"Say `require = {word}` to see what stands against the other direction, or put a storage beside it."
         )
         self.to.diagnostics.append(NotInvertible(node.span, node.name, asked, hint))

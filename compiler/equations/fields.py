@@ -9,7 +9,7 @@ intended (an amplifier, a tunnel diode): a note.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 
 from ..algebra.derivative import derivative
@@ -23,8 +23,10 @@ from ..algebra.expression import (
     call,
     evaluate,
     multiply,
+    negate,
     operations,
     select,
+    substitute,
     symbols,
 )
 from ..algebra.formula import Bound, bind, over
@@ -36,7 +38,7 @@ from ..graph.network import BondGraph, Element, Law, PortVariable, Quantity, Req
 from ..graph.placement import placement_notes
 from ..graph.run_time_parameters import behind
 from .errors import NotConservative
-from .laws import GIVEN, solved
+from .laws import GIVEN, equations_for, solved
 from .naming import port_name
 from .tangent import (
     Point,
@@ -44,6 +46,7 @@ from .tangent import (
     TangentVector,
     decisive_values,
     known_values,
+    numbers,
     parameter_values,
     points,
     relation,
@@ -51,6 +54,8 @@ from .tangent import (
 )
 
 UNEQUAL = 1e-6  # slopes that differ by less, in relation to each other, were meant to be equal
+MOST_WANTED = 10  # variables of one law that are solved for together
+DIGITS = 1e-9  # least determinant, relative to its terms, that leaves the digits of a usual tolerance
 COUPLED = 1e-9  # a difference below this share of the field's own stiffness is round-off
 ROUND_OFF = 1e-12  # relative to the terms of a sum
 WITNESSES = 2  # points that must agree on what is wrong
@@ -65,6 +70,59 @@ def without_energy(element: Element, graph: BondGraph) -> Diagnostic | None:
     return None if found is None else _told(element, *found)
 
 
+def is_lost_in_rounding(element: Element, graph: BondGraph, wanted: tuple[PortVariable, ...]) -> bool:
+    """Return True if the matrix by which a law is solved for several variables is singular, or so near it that rounding decides the solution."""
+    if not 1 < len(wanted) <= MOST_WANTED:
+        return False
+    slopes = _matrix(element.law, wanted)
+    if all(sum(x != ZERO for x in row) < 2 for row in slopes) or _varies(slopes):
+        return False
+    values = decisive_values(element, graph)
+    return values is not None and _is_lost(element.law, wanted, values)
+
+
+@lru_cache(maxsize=1024)
+def _is_lost(law: Law, wanted: tuple[PortVariable, ...], values: tuple[float, ...]) -> bool:
+    put = numbers(values)
+    return _determinate([[substitute(x, put) for x in row] for row in _matrix(law, wanted)]) == ZERO
+
+
+def _solvable(element: Element) -> Expression:
+    """1 if the stored quantities of a linear field decide what its law gives for them, else 0."""
+    slopes = _matrix(element.law, _sides(element.stored)[1])
+    return ONE if _varies(slopes) or len(slopes) > MOST_WANTED else _determinate(slopes)
+
+
+@lru_cache(maxsize=1024)
+def _matrix(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[tuple[Expression, ...], ...]:
+    """Return the slopes of the equations of a law over the wanted variables."""
+    return tuple(tuple(derivative(a - b, Symbol(w)) for w in wanted) for a, b in equations_for(law, wanted))
+
+
+def _varies(slopes: Iterable[Iterable[Expression]]) -> bool:
+    return any(isinstance(s.key, PortVariable) for row in slopes for x in row for s in symbols(x))
+
+
+def _determinate(slopes: Sequence[Sequence[Expression]]) -> Expression:
+    """1 if the determinant of a matrix is larger than rounding leaves of its terms, whatever the units of rows and columns, else 0."""
+    minors: dict[tuple[int, ...], tuple[Expression, Expression]] = {
+        (): (ONE, ONE)
+    }  # by columns: determinant, and sum of the sizes of its terms
+    for row in slopes:
+        wider: dict[tuple[int, ...], tuple[Expression, Expression]] = {}
+        for columns, (value, size) in minors.items():
+            for j, x in enumerate(row):
+                if x == ZERO or j in columns:
+                    continue
+                key = tuple(sorted((*columns, j)))
+                term = multiply(x, value) if (len(columns) - key.index(j)) % 2 == 0 else negate(multiply(x, value))
+                before = wider.get(key, (ZERO, ZERO))
+                wider[key] = add(before[0], term), add(before[1], multiply(call("abs", x), size))
+        minors = wider
+    value, size = minors.get(tuple(range(len(slopes))), (ZERO, ZERO))
+    return select(call("less", multiply(Number(DIGITS), size), call("abs", value)), ONE, ZERO)
+
+
 def _by_equations(element: Element) -> bool:
     """Return True for a field of several ports whose law gives no energy, and that has one."""
     return element.law.energy is None and len(element.ports) > 1 and _has_power(element)
@@ -76,17 +134,17 @@ def _has_power(element: Element) -> bool:
 
 
 def field_checks(graph: BondGraph) -> tuple[list[Requirement], frozenset[str]]:
-    """Return what a program for all values must find of the parameters of linear storage fields, so that these have an energy; and the quantities that
-    decide it for others. Fields that have one for all values need neither."""
+    """Return what a program for all values must find of the parameters of linear storage fields, so that these have an energy and no matrix that is singular
+    but for rounding; and the quantities that decide it for others. Fields that have both for all values need neither."""
     checks: list[Requirement] = []
     decisive: list[str] = []
     for node in graph.nodes:
         if not isinstance(node, Element) or node.kind not in STORAGES or not _by_equations(node):
             continue
         slopes = min(_slopes(node), key=lambda s: sum(1 for row in s for x in row for _ in operations(x)), default=None)
-        if slopes is None or any(isinstance(s.key, PortVariable) for row in slopes for x in row for s in symbols(x)):
+        if slopes is None or _varies(slopes):
             decisive += [a.name for a in node.arguments if isinstance(a, Quantity)] * (not slopes or not _alike(slopes))
-        elif (holds := _symmetric(slopes)) != ONE:
+        elif (holds := multiply(_symmetric(slopes), _solvable(node))) != ONE:
             bound = bind(over(holds, node.arguments))
             checks.append(Requirement(node.name, bound, f"the field `{node.name}`", "", (), node.span, None, True))
     return checks, behind(decisive, graph.quantities)

@@ -38,7 +38,7 @@ def solved(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...]
     field for the stored quantities of some ports is a Legendre transformation: its energy gives as many equations as it has
     ports, in every choice of known variables.
     """
-    equations = _equations(law, wanted)
+    equations = equations_for(law, wanted)
     return _one(equations, wanted[0]) if len(wanted) == len(equations) == 1 else _several(equations, wanted)
 
 
@@ -49,7 +49,7 @@ def paired(law: Law, wanted: tuple[PortVariable, ...]) -> tuple[Expression, ...]
     For laws that `solved` cannot solve: the run solves them by Newton's method. The pairing of equations and variables is a
     matching in a bipartite graph (Kuhn's augmenting paths).
     """
-    rests = [left - right for left, right in _equations(law, wanted)]
+    rests = [left - right for left, right in equations_for(law, wanted)]
     choice: dict[int, int] = {}  # equation -> wanted
 
     def place(number: int, tried: set[int]) -> bool:
@@ -101,7 +101,7 @@ def _is_own(symbol: Symbol) -> bool:
     return isinstance(symbol.key, PortVariable)
 
 
-def _equations(law: Law, wanted: tuple[PortVariable, ...]) -> Equations:
+def equations_for(law: Law, wanted: tuple[PortVariable, ...]) -> Equations:
     """The law as equations. The partial derivatives of an energy are efforts of displacements and flows of momenta."""
     if law.energy is None:
         return law.equations

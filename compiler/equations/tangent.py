@@ -53,7 +53,7 @@ def relation(
     law: Law, values: tuple[float, ...], x: tuple[PortVariable, ...], y: tuple[PortVariable, ...]
 ) -> Relation | None:
     """Relation with as many equations of a law as ports are given; None if they read other variables."""
-    put = _numbers(values)
+    put = numbers(values)
     own = {*x, *y}
     rests = tuple(substitute(left - right, put) for left, right in law.equations[: len(x)])
     if any(s.key not in own for rest in rests for s in symbols(rest)):
@@ -120,7 +120,7 @@ def _explicit(
         shorter = Law(law.equations[: len(wanted)], None, law.arity)
         found = solved(shorter, wanted)
         if found is not None:
-            explicit = [substitute(e, _numbers(values)) for e in found]
+            explicit = [substitute(e, numbers(values)) for e in found]
             return lambda known, e=explicit: [evaluate(x, known.__getitem__) for x in e], given, wanted
     return None, (), ()
 
@@ -172,5 +172,6 @@ def _kernel(table: list[list[float]]) -> dict[int, list[float]] | None:
     return basis
 
 
-def _numbers(values: tuple[float, ...]) -> Callable[[Symbol], Expression]:
+def numbers(values: tuple[float, ...]) -> Callable[[Symbol], Expression]:
+    """Return the substitution of values for a law's slots."""
     return lambda symbol: Number(values[symbol.key]) if isinstance(symbol.key, int) else symbol

@@ -165,7 +165,9 @@ def test_a_condition_is_delayed_as_one() -> None:
 @pytest.mark.parametrize("scale", ["1", "1e9", "1e-9"])
 @pytest.mark.parametrize("value", ["x/3 + x/7 - x*(10/21)", "(x + 1) - x - 1", "sin(x)^2 + cos(x)^2 - 1"])
 def test_a_delayed_value_may_be_nothing_but_rounding(value: str, scale: str) -> None:
-    text = f"plain model D {{\n  signal x = integral(1 - x, 0.2)\n  output y = delay({scale}*({value}), 0.1), z = x\n}}\n"
+    text = (
+        f"plain model D {{\n  signal x = integral(1 - x, 0.2)\n  output y = delay({scale}*({value}), 0.1), z = x\n}}\n"
+    )
     found = bondgraph.load(text).simulate(to=1, points=11)
     assert found.steps < 60 and np.abs(found["y"]).max() < 1e-15 * float(scale)
     assert found["z"] == pytest.approx(1 - 0.8 * np.exp(-found.time), rel=1e-6)
