@@ -172,6 +172,17 @@ class CompiledModel:
                 raise
             return self.compilation(everything=True)
 
+    def without_zero_divisors(self, scene: Scene, everything: bool = False) -> Scene:
+        """Return a scene of a program for all values in which parameters stay zero, as in the text, where the program would divide by them."""
+        while True:
+            compilation = self.compilation(scene, everything)
+            quantities = compilation.whole_graph.quantities
+            zeros = frozenset(n for n, q in quantities.items() if q.role == "parameter" and q.value == 0.0)
+            divisors = frozenset[str]().union(*api.zero_divisors(compilation.whole_space, zeros))
+            if not divisors:
+                return scene
+            scene = replace(scene, fixed=scene.fixed | divisors)
+
     def scene(
         self, experiment: str | None = "", settings: Mapping[str, str | float] | None = None, free: tuple[str, ...] = (),
         outputs: Sequence[str] | None = None,

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .codegen.c.write import c_string, write_library_c
     from .codegen.c.single_precision import in_single_precision
     from .codegen.cost import Cost, cost
+    from .codegen.zero_divisors import zero_divisors
     from .codegen.limits import Leaf
     from .codegen.numpy.generate import load_module
     from .codegen.llvm.bind import bind

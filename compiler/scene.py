@@ -59,7 +59,8 @@ class Scene:
     preferences: tuple[tuple[str, str], ...] = ()
     by: tuple[str, ...] = ()  # additional quantities to differentiate by; those that nothing reads are left out
     off: tuple[str, ...] | None = None  # junctions that are off; None: as at the start
-    fixed: frozenset[str] = frozenset()  # of the settings: a zero is fixed for the whole run, as in the text
+    # of the settings, and of what is free: a zero is fixed for the whole run, as in the text
+    fixed: frozenset[str] = frozenset()
     conserving: bool = False  # the run asks for the stored energy and its slopes at each step
     companion: bool = False  # the companion network instead of the model; `off` are then its other switched junctions
     # loops are cut at both variables of each nonlinear law in them, for a solution that has to be looked for

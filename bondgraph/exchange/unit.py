@@ -177,6 +177,7 @@ def _terminals(
 
 def _compilation(model: CompiledModel, scene: Scene) -> Compilation:
     """Return the stages of a scene in which all is free, differentiated by the inputs that no experiment sets."""
+    scene = model.without_zero_divisors(scene, everything=True)
     variables = model.compilation(scene, everything=True).state_space.variables
     inputs = tuple(v.name for v in variables if v.role == "input")
     if not inputs:

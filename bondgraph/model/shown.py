@@ -139,7 +139,7 @@ class Shown(AnalysedModel):
             raise UsageError("BR602", f"there is no target `{target}`; targets are {', '.join(targets)}")
         if single and target != "c":
             raise UsageError("BR617", f"the target {target} has no `float`;", "that of C has")
-        compilation = self.compilation(api.Scene(self.model, None, free=frozenset({"*"})))
+        compilation = self.compilation(self.without_zero_divisors(api.Scene(self.model, None, free=frozenset({"*"}))))
         text = compilation.text(target) if part is None else compilation.part_text(part, target)
         return api.in_single_precision(text) if single else text
 

@@ -317,7 +317,7 @@ class _Opened:
         if "*" not in self.scene.free:
             return built
         # A program for all values is one for these parts alone.
-        return built.checking(parameter_checks(elaborator, graph.quantities), structural)
+        return built.checking(parameter_checks(elaborator, graph.quantities), structural | self.scene.fixed)
 
 
 def _check_overrides(elaborator: Elaborator, scene: Scene) -> None:
