@@ -152,7 +152,7 @@ class Project:
         try:
             return loader.load(document.tree), loader.diagnostics
         except (CompilationFailed, RecursionError):
-            return FileScope(document.tree.source, {}, {}, {}), loader.diagnostics
+            return FileScope(document.tree.source), loader.diagnostics
 
     def _survey(self, document: EditedFile, complete: bool) -> FileSurvey:
         file, wrong_imports = self._loaded(document)

@@ -306,9 +306,8 @@ class LinearizedDynamics:
         grid, pairs, i = [stretch.start, *inside, stretch.stop], list[Parts](), 0
         while i + 1 < len(grid) and stretch.stop > stretch.start:
             a, m, *after = grid[i : i + 3]
-            is_pair = (
-                bool(after) and 0.5 <= (after[0] - m) / (m - a) <= 2
-            )  # beside a much shorter part one is not halved
+            # beside a much shorter part one is not halved
+            is_pair = bool(after) and 0.5 <= (after[0] - m) / (m - a) <= 2
             pairs.append((number, a, m, after[0]) if is_pair else (number, a, (a + m) / 2, m))
             i += 1 + is_pair
         return pairs

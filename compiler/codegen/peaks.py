@@ -39,9 +39,8 @@ class Peaks:
         self.steps: dict[Expression, Places] = {}  # operations with steps or kinks -> where
         self.folded: set[Expression] = set()  # of them those that are values already
         self.exponentials: dict[Expression, Places] = {}  # sums and products of them, which are steps in denominators
-        self.places: dict[
-            Expression, tuple[Places, int]
-        ] = {}  # of arguments: quotients of a mechanism share their denominators
+        # of arguments: quotients of a mechanism share their denominators
+        self.places: dict[Expression, tuple[Places, int]] = {}
         self.slopes = defaultdict[Symbol, dict[Expression, Expression]](dict)
 
     def read(self, node: Expression) -> None:

@@ -76,9 +76,8 @@ def shared(
     nodes = list(graph.nodes)
     valve_events = frozenset(key for own in valves.values() for key in own)
     notes: list[str] = []
-    zeros: set[tuple[str, str]] = (
-        set()
-    )  # switch and variable: its effort where closed ones make a loop with it, its flow where open ones cut it off
+    # switch and variable: its effort where closed ones make a loop with it, its flow where open ones cut it off
+    zeros: set[tuple[str, str]] = set()
     for kind, among, others, own in (
         (Kind.FLOW_SOURCE, ends, gaps, valves.keys()),
         (Kind.EFFORT_SOURCE, gaps, ends, valves.keys() | holding),

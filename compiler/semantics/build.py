@@ -213,7 +213,7 @@ def _check_experiment(opened: _Opened, experiment: tree.Experiment, known: Elabo
 
 def open_part(syntax: SyntaxTree, wanted: str | None) -> str | None:
     """Return the name of the main model if it has ports of its own. Raises `CompilationFailed` if the file has no main model."""
-    file = FileScope(syntax.source, {}, {}, {})
+    file = FileScope(syntax.source)
     file.models.update({n: ModelDefinition(m, file) for n, m in syntax.models.items()})
     model = choose_model(file, wanted, []).model
     return model.name if any(wall_items(model)) else None

@@ -268,9 +268,8 @@ class Builder:
     start_value = partialmethod(_set, "start")
 
     def sweep(self, parts: list[Any]) -> tree.SweepSyntax:
-        path, unit, *values = (
-            _done(p) for p in parts if not isinstance(p, Token)
-        )  # commas: lark shares the list's rule
+        # commas: lark shares the list's rule
+        path, unit, *values = (_done(p) for p in parts if not isinstance(p, Token))
         return tree.SweepSyntax(self._span([path, values[-1]]), path, unit, tuple(values))
 
     def simulate(self, parts: list[Any]) -> tree.Simulate:

@@ -124,9 +124,8 @@ def _at_once(address: int, many: Any, otherwise: Function, size: int) -> Functio
     """Function of all arguments, fast for one instant and for several instants with a state each, or also inputs. `otherwise` does all other calls."""
     one, at = _One(address), ctypes.addressof
     view: Callable[[Any], Any] = (ctypes.c_char * 0).from_buffer
-    last: tuple[Any, ...] = (
-        None,
-    ) * 4  # inputs and constants of the last call for one instant, with views: most share them
+    # inputs and constants of the last call for one instant, with views: most share them
+    last: tuple[Any, ...] = (None,) * 4
 
     def evaluate(time: Any, state: Any, inputs: Any, constants: Any, mode: Any) -> Any:
         if not (

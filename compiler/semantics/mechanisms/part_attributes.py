@@ -12,9 +12,9 @@ from ...source import Span
 from ...syntax import tree
 from ..expressions.lists import parts_of, rows_of, sort_of
 from ..expressions.template import Template, Typed
-from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, WrongMechanism, WrongType, WrongValue
+from ..names.errors import DimensionMismatch, UnknownAttribute, WrongMechanism, WrongType, WrongValue
 from ..names.part_kinds import NEEDED, TARGETED, attributes_of, foreign_attribute, noun_of
-from ..names.scope import STATIC_ROLES, DeclaredPart, Scope
+from ..names.scope import DeclaredPart, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint
 from ..resolution.conditions import known_or_later, not_zero
 from ..resolution.resolver import Resolver
@@ -61,10 +61,7 @@ def of_dimension(
 
 def static(resolver: Resolver, template: Template, scope: Scope, what: str, span: Span) -> list[Bound]:
     """Return the bound formulas of a template. Raises `Wrong` if one reads a value that changes during a run, or has no value."""
-    for slot in template.slots:
-        scalar = resolver.scalar_at(slot, scope)
-        if scalar.role not in STATIC_ROLES:
-            raise Wrong(NotStatic(slot.path.span, what, slot.words))
+    resolver.require_static(template, scope, what)
     bounds = [resolver.bind(template, formula, scope) for formula in template.formulas]
     for bound in bounds:
         resolver.value_of(bound, span, decides=False)

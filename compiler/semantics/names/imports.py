@@ -34,7 +34,7 @@ class Loader:
 
     def load(self, syntax: SyntaxTree) -> FileScope:
         root = project_folder(syntax.source.path) if syntax.source.path else None
-        scope = FileScope(syntax.source, {}, {}, {}, root=root, library=self.library)
+        scope = FileScope(syntax.source, root, self.library)
         return self._declare(scope, syntax, ())
 
     def _declare(self, scope: FileScope, syntax: SyntaxTree, chain: tuple[Path, ...]) -> FileScope:
@@ -109,19 +109,16 @@ class Loader:
         models = {} if loaded.outline is None else loaded.outline.models
         defined = list(dict.fromkeys([*models, *loaded.models, *loaded.sets]))
         for name, span in statement.names:
-            if name in loaded.models:
-                if self._new(scope, name, span):
-                    scope.models[name] = loaded.models[name]
-                    scope.missing.discard(name)
-            elif name in loaded.sets:
-                if self._new(scope, name, span):
-                    scope.sets[name] = loaded.sets[name]
-                    scope.missing.discard(name)
-            else:
+            if name not in loaded.models and name not in loaded.sets:
                 hint = suggestion(name, defined, f"It defines: {', '.join(defined) or 'nothing to import'}.")
-                self.diagnostics.append(
-                    WrongImport(span, f"There is no model or set `{name}` in {statement.place}", hint)
-                )
+                what = f"There is no model or set `{name}` in {statement.place}"
+                self.diagnostics.append(WrongImport(span, what, hint))
+            elif self._new(scope, name, span):
+                if name in loaded.models:
+                    scope.models[name] = loaded.models[name]
+                else:
+                    scope.sets[name] = loaded.sets[name]
+                scope.missing.discard(name)
 
     def _read(self, target: Path, importer: FileScope, names: set[str], chain: tuple[Path, ...]) -> FileScope:
         """Read the models of a file that have these names, with what they name.
@@ -133,25 +130,25 @@ class Loader:
             from .unit_file import read_unit_description, unit_model
 
             text = unit_model(read_unit_description(target), name, target)
-            loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
+            loaded = FileScope(text, importer.root, self.library)
             return self._declare(loaded, parse(text), chain)
         if target.suffix == SYSTEM:
             from .system_file import read_system
 
             text, units = read_system(target, name)
-            loaded = FileScope(text, {}, {}, {}, root=importer.root, library=self.library)
+            loaded = FileScope(text, importer.root, self.library)
             for word, source in units.items():
-                scope = FileScope(source, {}, {}, {}, root=importer.root, library=self.library)
+                scope = FileScope(source, importer.root, self.library)
                 loaded.models[word] = self._declare(scope, parse(source), chain).models[word]
                 self.files.popitem()  # it lies in the archive, which is the file
             return self._declare(loaded, parse(text), chain)
         tree = None if self.held is None else self.held(target, name, names)
         if tree is not None:
-            loaded = FileScope(tree.source, {}, {}, {}, root=importer.root, library=self.library)
+            loaded = FileScope(tree.source, importer.root, self.library)
             return self._declare(loaded, tree, chain)
         source = Source(name, read_text(target), target)
         outline = Outline(source.text)
-        loaded = FileScope(source, {}, {}, {}, root=importer.root, library=self.library, outline=outline)
+        loaded = FileScope(source, importer.root, self.library, outline=outline)
         return self._declare(loaded, with_compound_units(parse(source, outline.next_text(names))), chain)
 
     def _locate(self, statement: tree.Import, scope: FileScope) -> Path:

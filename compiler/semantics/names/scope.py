@@ -187,13 +187,13 @@ class FileScope:
     """One file: its own and imported models, its constants and functions."""
 
     source: Source
-    models: dict[str, ModelDefinition]
-    constants: dict[str, tuple[tree.Item, tree.Quantities]]
-    functions: dict[str, tree.FunctionSyntax]
-    sets: dict[str, SetDefinition] = field(default_factory=dict)
-    missing: set[str] = field(default_factory=set)  # models that could not be read; already reported
     root: Path | None = None  # the project folder
     library: Path | None = None
+    models: dict[str, ModelDefinition] = field(default_factory=dict)
+    constants: dict[str, tuple[tree.Item, tree.Quantities]] = field(default_factory=dict)
+    functions: dict[str, tree.FunctionSyntax] = field(default_factory=dict)
+    sets: dict[str, SetDefinition] = field(default_factory=dict)
+    missing: set[str] = field(default_factory=set)  # models that could not be read; already reported
     sheets: dict[Path, Sheet] = field(default_factory=dict)  # files of columns that have been read
     places: dict[str, Span] = field(default_factory=dict)  # of all names
     outline: Outline | None = None  # of an imported file: its models that are not parsed yet
@@ -248,9 +248,8 @@ class Scope:
     outer: Scope | None = None
     entries: dict[str, Entry] = field(default_factory=dict)
     stands: Span | None = None  # declaration of the instance
-    functions: dict[str, tree.FunctionSyntax] = field(
-        default_factory=dict
-    )  # of a round of a loop, and of the branches that are taken
+    # of a round of a loop, and of the branches that are taken
+    functions: dict[str, tree.FunctionSyntax] = field(default_factory=dict)
 
     @property
     def plain(self) -> bool:

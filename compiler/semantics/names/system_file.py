@@ -19,6 +19,7 @@ from .unit_file import (
     UnitDescription,
     UnitVariable,
     declared,
+    parsed,
     read_unit_description,
     unit_model,
     value_of,
@@ -43,15 +44,12 @@ def read_system(path: Path, name: str) -> tuple[Source, dict[str, Source]]:
         raise NotImportable("it is no system of units", hint) from None
 
 
-def _parsed(archive: ZipFile, file: str) -> ElementTree.Element:
-    text = archive.read(file) if archive.getinfo(file).file_size <= MAXIMUM_BYTES else b""
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise ValueError
-    return ElementTree.fromstring(text)
+def _part(archive: ZipFile, file: str) -> ElementTree.Element:
+    return parsed(archive.read(file) if archive.getinfo(file).file_size <= MAXIMUM_BYTES else b"")
 
 
 def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, Source]]:
-    root = _parsed(archive, "SystemStructure.ssd")
+    root = _part(archive, "SystemStructure.ssd")
     system = root.find(_NAME("Description", "System"))
     if system is None:
         raise ValueError
@@ -106,7 +104,7 @@ def _values(archive: ZipFile, system: ElementTree.Element) -> Iterator[tuple[str
     for owner in (system, *system.iter(_NAME("Description", "Component"))):
         prefix = "" if owner is system else f"{owner.get('name')}."
         for binding in owner.iterfind(f"{_NAME('Description', 'ParameterBindings')}/*"):
-            parameters = _parsed(archive, binding.get("source", "")) if "source" in binding.attrib else binding
+            parameters = _part(archive, binding.get("source", "")) if "source" in binding.attrib else binding
             for item in parameters.iter(_NAME("ParameterValues", "Parameter")):
                 real = item.find(_NAME("ParameterValues", "Real"))
                 if real is not None:

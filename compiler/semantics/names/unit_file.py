@@ -79,13 +79,17 @@ def read_unit_description(path: Path) -> UnitDescription:
             if archive.getinfo("modelDescription.xml").file_size > MAXIMUM_BYTES:
                 raise NotImportable("its description is too long", f"At most {MAXIMUM_BYTES} bytes are read.")
             text = archive.read("modelDescription.xml")
-        if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-            raise ValueError
-        root = ElementTree.fromstring(text)
-        return _described(root, path.stem)
+        return _described(parsed(text), path.stem)
     except (BadZipFile, KeyError, ValueError, RuntimeError, NotImplementedError, ElementTree.ParseError):
         hint = "It is an archive with a `modelDescription.xml` of FMI 2.0 or 3.0."
         raise NotImportable("it is no functional mock-up unit", hint) from None
+
+
+def parsed(text: bytes) -> ElementTree.Element:
+    """Return an XML text as a tree. Raises ValueError if it defines entities, ParseError."""
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise ValueError
+    return ElementTree.fromstring(text)
 
 
 def open_unit(path: Path) -> ZipFile:

@@ -359,9 +359,8 @@ class Connector:
                 what = f"The splitter's port `{name}` is connected on one side only"
                 self.elaborator.tell(WrongConnection(segments[0].span, what, hint))
         if len(sides) == 2 and all(len(s) == 1 for s in sides.values()):
-            (first,), (second,) = (
-                sides[side] for side in sorted(sides)
-            )  # the arrow outside comes last: it may be turned
+            # the arrow outside comes last: it may be turned
+            (first,), (second,) = (sides[side] for side in sorted(sides))
             arrives = [s for s in (first, second) if s.head.side and _name(s.head) == name]
             if len(arrives) != 1:
                 how = "head-on" if len(arrives) == 2 else "tail to tail"

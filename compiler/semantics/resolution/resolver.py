@@ -79,9 +79,8 @@ class Resolver(ABC):
         self.structural: set[str] = set()  # quantities that decide which parts there are
         self.asked: dict[str, Span] = {}  # quantities without a value whose value decides something, and where it does
         self.positive: list[tuple[str, Bound]] = []  # expressions that a run must find not negative
-        self.for_all_values = (
-            False  # True for a program that begins with any values of its parameters, and checks them itself
-        )
+        # True for a program that begins with any values of its parameters, and checks them itself
+        self.for_all_values = False
         self.diagnostics: list[Diagnostic] = []
         self._causes: set[tuple[str, str, int, str]] = set()
         self.quantities: dict[str, Named] = {}
