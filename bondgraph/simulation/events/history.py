@@ -33,10 +33,8 @@ JUMP = 1e-9  # relative change that counts as a jump
 ROUNDS = 50  # iterations at the start for signals that depend on each other's past
 NEWTON = 10  # steps of Newton's method if these do not settle
 ROUNDED = 1e-14  # relative difference that is rounding
-EPS, NOISE = (
-    float(np.finfo(float).eps),
-    100.0,
-)  # what is below so many times the change by a last place of the states is rounding
+EPS = float(np.finfo(float).eps)
+NOISE = 100.0  # what is below so many times the change by a last place of the states is rounding
 
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
