@@ -19,6 +19,7 @@ from bondgraph.language_service.navigation import definition, edited, references
 from bondgraph.language_service.outline import folds, outline
 from bondgraph.language_service.workspace import Workspace
 from compiler.compilation import Compilation
+from compiler.graph.mechanism import COLOURS
 from compiler.scene import Scene
 from compiler.source import Source
 from tests.compiling import LIBRARY, ROOT
@@ -428,6 +429,7 @@ def test_every_word_of_the_models_has_a_class(workspace: Workspace) -> None:
             "x",
             "y",
             "phi",
+            *COLOURS,
         }, path.name
 
 

@@ -49,7 +49,7 @@ def test_a_sweep_goes_through_truths() -> None:
     swept = bondgraph.load(text.format(step="")).sweep({"soft": "false, true"})
     assert [p.run.final("k") for p in swept] == [4, 1]
     assert [p.run.final("k") for p in bondgraph.load(text.format(step="sweep soft = false, true;")).run()] == [4, 1]
-    with pytest.raises(UsageError, match="`maybe` is no quantity without a unit"):
+    with pytest.raises(UsageError, match="`soft` cannot be `maybe`; it can be false, true"):
         bondgraph.load(text.format(step="")).sweep({"soft": ["maybe"]})
 
 

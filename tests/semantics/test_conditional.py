@@ -176,8 +176,8 @@ def test_a_truth_of_an_instance_leaves_other_instances_alone() -> None:
 
 def test_values_of_the_command_line_are_checked() -> None:
     model = bondgraph.load(OSCILLATOR)
-    for settings in ({"damped": 0.5}, {"n": 1.5}):
-        with pytest.raises(bondgraph.CompilationFailed, match="BG171"):
+    for settings, code in (({"damped": 0.5}, "BG122"), ({"n": 1.5}, "BG171")):
+        with pytest.raises(bondgraph.CompilationFailed, match=code):
             model.simulate(settings=settings)
     with pytest.raises(bondgraph.CompilationFailed, match="BG170"):
         model.simulate(settings={"damped": False}, outputs=("loss",))
