@@ -24,7 +24,7 @@ def affine_steps(length: Array, A: Array, B: Array) -> tuple[Array, Array]:
         coupling = np.einsum("mij,mjab->miajb", weights, A[part])
         matrix = np.eye(stages * n) - coupling.reshape(len(weights), stages * n, stages * n)
         right = np.einsum("mij,mjak->miak", weights, B[part]).reshape(len(weights), stages * n, k)
-        known = np.concatenate([np.broadcast_to(unit, (len(right), *unit.shape)), right], axis=2)
-        end = np.linalg.solve(matrix, known)[:, -n:]
+        right_sides = np.concatenate([np.broadcast_to(unit, (len(right), *unit.shape)), right], axis=2)
+        end = np.linalg.solve(matrix, right_sides)[:, -n:]
         P[part], q[part] = end[..., :n], end[..., n:]
     return P, q

@@ -114,9 +114,9 @@ class Lowered:
     def moving_rows(self) -> list[int]:
         """Variables whose slopes the run's sensitivity needs: rates, residuals, invariants, outputs."""
         space = self.space
-        kept = (*(i.position for i in space.invariants), *(i.velocity for i in space.invariants))
+        invariants = (*(i.position for i in space.invariants), *(i.velocity for i in space.invariants))
         rates = *(s.rate for s in space.states), *(u.residual for u in space.unknowns)
-        return [*rates, *(v for v in kept if v is not None), *space.outputs.values()]
+        return [*rates, *(v for v in invariants if v is not None), *space.outputs.values()]
 
     def moving_slopes(self) -> list[tuple[tuple[int, int], Expression]]:
         """Nonzero slopes of these (rows) by states, unknowns and `by` (columns)."""

@@ -155,7 +155,7 @@ def _hint(problem: Unreadable, source: Source, otherwise: str = "") -> str:
 def _in_experiment(text: str, start: int) -> bool:
     """Return True if a place lies between the braces of an experiment."""
     head = text.rfind("experiment", 0, start)
-    braces = [found[1] for found in _BRACES.finditer(text, head, start)] if head >= 0 else []
+    braces = [brace[1] for brace in _BRACES.finditer(text, head, start)] if head >= 0 else []
     return braces.count("{") > braces.count("}")
 
 
