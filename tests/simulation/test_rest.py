@@ -39,7 +39,7 @@ def test_a_hardening_spring_under_load() -> None:
 def test_rates_that_are_no_numbers_are_told_by_name() -> None:
     """At the start of the search a law divides by zero: numpy's own error was not caught."""
     text = "model A {\n  parameter m = 1 kg\n  I mass : p = m*v\n  I load : p = 1 kg*v\n  R drag : F = 2 [N*s/m]*(1 kg/m)*v\n  C rope : F = 5 [N/m]*x\n  1 a, b\n  0 ab\n  a -> mass, drag\n  a -> ab -> b\n  ab -> rope\n  b -> load\n  output v = mass.p*rope.x/m\n}\n"
-    with pytest.raises((RunFailed, bondgraph.CompilationFailed), match="`drag.v` has no finite slope"):
+    with pytest.raises((RunFailed, bondgraph.CompilationFailed), match=r"`drag\.v` has no finite slope"):
         bondgraph.load(text).modes(settings={"m": 0})
 
 
