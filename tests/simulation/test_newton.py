@@ -14,7 +14,7 @@ from bondgraph.simulation.integrators.linear_algebra.factors import ComplexFacto
 from bondgraph.simulation.integrators.methods import RADAU
 from bondgraph.simulation.integrators.projection.projection import NormalEquations, ProjectionWorkspace
 from bondgraph.simulation.integrators.steps import radau_step
-from bondgraph.simulation.integrators.steps.evaluation import renew, renew_at
+from bondgraph.simulation.integrators.steps.evaluation import renew
 from bondgraph.simulation.integrators.steps.radau_step import LEAST, factorise_stages_of, use_stages
 from bondgraph.simulation.integrators.steps.step_control import filtered_norm
 from bondgraph.simulation.integrators.tolerances import LOOSE, allowed_estimate, creeping_tolerance, newton_tolerance
@@ -61,15 +61,11 @@ def test_a_number_that_creeps_beside_large_changes_is_no_solution(monkeypatch: p
     monkeypatch.setattr(
         radau_step, "factorise_stages_of", lambda s, size: factorised.append(size) or factorise_stages_of(s, size)
     )
-    checked: list[float] = []
-    monkeypatch.setattr(radau_step, "renew_at", lambda s, end, y: checked.append(end) or renew_at(s, end, y))
     for _ in range(5):
         if one_step(solver):
             break
     assert solver.state[1] == pytest.approx(solver.time, abs=2e-3)
-    assert solver.factorisations == 2 * len(factorised) + len(
-        checked
-    )  # one real matrix and one complex; the real one where an end of a step is checked
+    assert solver.factorisations == 2 * len(factorised)  # one real matrix and one complex
 
 
 def test_an_estimate_is_filtered_twice_at_the_start_and_after_a_rejection() -> None:

@@ -333,19 +333,3 @@ def test_a_diode_over_very_many_time_constants(volts: float, start: float, solve
     assert found["u"][0] == start and not found.warnings
     rest = brentq(lambda u: volts - u - 1e-9 * np.expm1(u / 0.026), 0.0, 2.0, xtol=1e-15)
     np.testing.assert_allclose(found["u"][1:], rest, rtol=1e-6)
-
-
-# ---------------------------------------------------------------- orifices beside stiff volumes
-@pytest.mark.parametrize("nominal", ["", "{ nominal q = VOLUME }"])
-@pytest.mark.parametrize("volume", ["1e-6", "1e-9"])
-def test_an_orifice_takes_what_comes_into_a_stiff_volume(volume: str, nominal: str) -> None:
-    """The law turns at once, in whose old mode the volume would fill; and at rest it is so steep that Newton's corrections there are none."""
-    text = f"""plain model Orifice {{
-      C t : q = VOLUME*e {nominal}
-      Sf s : f = sin(time)
-      R o : f = sign(e)*sqrt(abs(e))
-      s -> 0(t, o)
-      output q = o.f
-    }}"""
-    result = model(text.replace("VOLUME", volume)).simulate(to=3, points=61, solver="radau")
-    assert np.abs(result["q"] - np.sin(result.time)).max() < 3e-6

@@ -19,8 +19,6 @@ from ..workspace import Function
 from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SLIGHT
 from .step import Euler, euler
 
-OVERSHOT = 10.0  # growth factor in a step behind a condition that no longer holds, from which a shorter step shows how far the mode leads
-
 
 class PilotWorkspace(Record):
     """State of the pilot run. n states and unknowns."""
@@ -81,15 +79,11 @@ def pilot_step(c: PilotWorkspace) -> int:
     if done != FINE:
         c.size *= 0.25
         return done
-    crossed = has_crossed(c, c.euler)
-    if crossed and 0.25 * c.size >= c.smallest and has_overshot(c, c.euler):
-        c.size *= 0.25
-        return SINGULAR
     ends = c.time + 1.001 * c.size >= c.stop
     go_on(c, c.euler)
     if ends:
         c.time = c.stop
-    if crossed:
+    if has_crossed(c, c.euler):
         return CROSSED
     if c.reaching != 0:
         reached(c, c.euler)
@@ -107,25 +101,16 @@ def go_on(c: PilotWorkspace, e: Euler) -> None:
 
 
 def has_crossed(c: PilotWorkspace, e: Euler) -> bool:
-    """Return True if a condition at the end of the step differs from the mode, or if other states should be integrated there."""
-    end = c.time + c.size
+    """Return True if a condition differs from the mode, or if other states should be integrated."""
     if c.selection.slope_count > 0:
-        if is_steep(c.selection, end, c.found, e.inputs, e.constants, e.mode):
+        if is_steep(c.selection, c.time, c.state, e.inputs, e.constants, e.mode):
             return True
     if c.root_count == 0:
         return False
-    c.roots(end, c.found, e.inputs, e.constants, e.mode, c.root)
+    c.roots(c.time, c.state, e.inputs, e.constants, e.mode, c.root)
     for k in range(c.root_count):
         holds = 1 if c.root[k] < 0.0 or (c.root[k] == 0.0 and c.root_strict[k] == 0) else 0
         if holds != c.root_said[k]:
-            return True
-    return False
-
-
-def has_overshot(c: PilotWorkspace, e: Euler) -> bool:
-    """Return True if a state is far beyond its largest value so far behind a condition that no longer holds: in the wrong mode it may go anywhere."""
-    for i in range(e.differential):
-        if abs(c.found[i]) > max(OVERSHOT * e.largest[i], e.smallest[i]):
             return True
     return False
 

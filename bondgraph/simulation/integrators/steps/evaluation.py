@@ -95,17 +95,18 @@ def drop_noise(s: IntegratorWorkspace, x: Floats) -> None:
 
 
 def put_end_rates(s: IntegratorWorkspace, end: float) -> None:
-    """Project the new state on the constraints and compute its rates, which are known where it is on none (see `misses`)."""
+    """Project the new state on the constraints and compute its rates, which are known where there are unknowns of loops (see `misses`)."""
     n = s.n
     if s.closed.constraints > 0:
         onto_constraints(s, end)
-    if s.closed.constraints > 0:
-        rates(s, end, s.new, s.rate)
-        for i in range(s.differential, n):
-            s.rate[i] = 0.0
-    else:
+    if has_loops(s):
         for i in range(n):
             s.rate[i] = s.f[n + i]
+    else:
+        rates(s, end, s.new, s.rate)
+    if s.closed.constraints > 0:
+        for i in range(s.differential, n):
+            s.rate[i] = 0.0
 
 
 def onto_constraints(s: IntegratorWorkspace, end: float) -> None:

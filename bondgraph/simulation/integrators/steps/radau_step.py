@@ -114,7 +114,7 @@ def radau_step(s: IntegratorWorkspace) -> int:
             if s.current != 0:
                 unconverged += 1
                 size *= 0.5
-            if unconverged == UNCONVERGED and has_loops(s):
+            if unconverged == UNCONVERGED:
                 solve_unknowns(s, size)
             renew(s)
             continue
@@ -327,36 +327,32 @@ def estimate_stages(s: IntegratorWorkspace, size: float, rejected: bool) -> floa
 
 
 def misses(s: IntegratorWorkspace, end: float, size: float) -> bool:
-    """Return True if the end of a step does not solve its equations: those of the stages there, and those of unknowns of loops.
+    """Return True if the unknowns of loops do not solve their equations at the end of a step.
 
-    A Jacobian of another place, as of a diode that no longer conducts or an orifice at rest, may be so much too steep that iterations change nothing.
-    Where the residual is not much smaller than before the last change, the Jacobian at the end gives the error. The last iteration's rates are still in
-    `f`; those at the end replace the second stage there.
+    A Jacobian of another place, as of a diode that no longer conducts, may be so much too steep that iterations change nothing. Where the residual is not
+    much smaller than before the last change, the Jacobian at the end gives the error. The last iteration's rates are still in `f`; those at the end replace
+    the second stage there.
     """
     n = s.n
-    if s.closed.constraints > 0:
+    if not has_loops(s):
         return False
     last = (s.stage_count - 1) * n
+    weights = FIRST_MATRIX[(s.stage_count - LEAST) // 2] + s.stage_count * (s.stage_count - 1)  # of the end of the step
     ahead = s.f[n:]
     rates(s, end, s.new, ahead)
     put_terms(s, s.new)
-    combine_stages(n, s.stage_count, TI, s.z, s.w)
     ratio = 0.0
     moved = 0.0
-    first = s.differential if has_loops(s) else 0
-    for i in range(first):
-        s.rest[i] = 0.0
-    for i in range(first, n):
-        slope = 0.0
-        before = s.f[last + i]
-        if i < s.differential:
-            slope = slope_of_end(s, s.w, i, size)
-            before += slope_of_end(s, s.change, i, size) - slope
-        s.rest[i] = ahead[i] - slope
-        slight = size * abs(s.rest[i]) * s.per_tolerance[i] <= NEARLY if i < s.differential else False
-        if not slight and not abs(s.rest[i]) <= ROUNDED * (s.terms[i] + abs(slope)):
-            ratio = max(ratio, abs(s.rest[i]) / abs(before) if before != 0.0 else INFINITE)
-        moved = max(moved, abs(of_end(s, s.change, i)) * s.per_tolerance[i])
+    for i in range(n):
+        s.w[i] = ahead[i] if i >= s.differential else 0.0
+        if not abs(s.w[i]) <= ROUNDED * s.terms[i]:
+            before = abs(s.f[last + i])
+            ratio = max(ratio, abs(s.w[i]) / before if before > 0.0 else INFINITE)
+        if i >= s.differential:
+            change = 0.0
+            for j in range(s.stage_count):
+                change += T[weights + j] * s.change[j * n + i]
+            moved = max(moved, abs(change) * s.per_tolerance[i])
     if ratio <= UNSOLVED and ratio * moved <= NEARLY * (1.0 - ratio):
         return False
     current = s.current
@@ -364,37 +360,13 @@ def misses(s: IntegratorWorkspace, end: float, size: float) -> bool:
     s.current = current
     s.factorisations += 1
     s.factorised_size = size
-    if factorise_real(s, MU[FIRST[(s.stage_count - LEAST) // 2]] / size) != FINE:
+    if factorise_real(s, MU[0] / size) != FINE:
         return True
-    solve_real(s, s.rest)
-    for i in range(first, n):
-        if not abs(s.rest[i]) * s.per_tolerance[i] <= (SOLVED if i >= s.differential else NEARLY):
+    solve_real(s, s.w)
+    for i in range(s.differential, n):
+        if not abs(s.w[i]) * s.per_tolerance[i] <= SOLVED:
             return True
     return False
-
-
-def of_end(s: IntegratorWorkspace, transformed: Floats, i: int) -> float:
-    """Return a component of the last stage, the end of the step."""
-    weights = FIRST_MATRIX[(s.stage_count - LEAST) // 2] + s.stage_count * (s.stage_count - 1)
-    total = 0.0
-    for j in range(s.stage_count):
-        total += T[weights + j] * transformed[j * s.n + i]
-    return total
-
-
-def slope_of_end(s: IntegratorWorkspace, transformed: Floats, i: int, size: float) -> float:
-    """Return the slope that the stages' polynomial has at the end of the step."""
-    n = s.n
-    first = FIRST[(s.stage_count - LEAST) // 2]
-    weights = FIRST_MATRIX[(s.stage_count - LEAST) // 2] + s.stage_count * (s.stage_count - 1)
-    total = T[weights] * MU[first] * transformed[i]
-    for pair in range(1, s.stage_count, 2):
-        a = transformed[pair * n + i]
-        b = transformed[(pair + 1) * n + i]
-        re = MU[first + pair]
-        im = MU[first + pair + 1]
-        total += T[weights + pair] * (re * a - im * b) + T[weights + pair + 1] * (re * b + im * a)
-    return total / size
 
 
 def solve_unknowns(s: IntegratorWorkspace, size: float) -> None:
