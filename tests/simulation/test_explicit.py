@@ -207,6 +207,7 @@ def test_the_choice_knows_no_unit_of_time(turns: float, solver: str, rate: float
     assert found.solver.startswith(solver), found.solver
 
 
+@pytest.mark.machine_code
 def test_a_law_that_no_explicit_method_passes_says_what_does() -> None:
     """An orifice beside a stiff volume: at zero its slope is infinite."""
     text = """plain model Orifice {
