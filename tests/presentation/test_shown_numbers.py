@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -167,3 +168,12 @@ def test_reported_units_and_words_are_shown_by_all_analyses() -> None:
     assert re.search(r"W +degC\n", along) and re.search(r"1 +40 +46\.85", along)
     for swept in (model.run("s"), model.sweep({"kind": "copper, steel"}, "equilibrium")):
         assert re.search(r"copper +36\.85\n +steel +46\.85", swept.summary())
+
+
+@pytest.mark.parametrize(("slope", "shown"), [(1e-17, ["k"]), (1e-9, ["k", "m"])])
+def test_a_slope_that_is_rounding_is_not_shown(slope: float, shown: list[str]) -> None:
+    text = "plain model A {\n  parameter k = 2, m = 3\n  C c : e = k*q\n  I i : p = m*f\n  R r : e = f\n  Se s : e = 1\n  s -> 1(c, i, r)\n  output x = c.q\n}"
+    found = load(text).sensitivity(("k", "m"), of="equilibrium")
+    assert found.quantities == ("x",) and found.of("x", "k") == pytest.approx(-0.25)
+    rows = [line.split() for line in replace(found, slopes=np.array([[-0.25, slope]])).summary().splitlines()]
+    assert [row[-3] for row in rows if len(row) > 2 and row[-3] in ("k", "m")] == shown
