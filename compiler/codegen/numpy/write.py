@@ -46,7 +46,6 @@ class Writer:
         return label.name if label is not None else "constant"
 
     # ------------------------------------------------------------ what is constant
-
     def _constant_nodes(self) -> list[Expression]:
         """Largest expressions of parameters alone that another expression reads."""
         found: dict[Expression, None] = {}
