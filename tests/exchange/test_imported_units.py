@@ -17,8 +17,10 @@ from bondgraph.language_service.navigation import definition
 from bondgraph.language_service.workspace import Workspace
 from bondgraph.simulation.run_options import RunRequest
 from bondgraph.studies.stress_bench import StressBench
-from compiler.api import Inapplicable
+from compiler.api import Inapplicable, read_unit_description
 from compiler.errors import CompilationFailed
+from compiler.semantics.names.unit_file import unit_model
+from tests.exchange.test_power_ports import CAR
 from tests.exchange.unit_files import exported
 
 pytestmark = pytest.mark.machine_code
@@ -236,6 +238,36 @@ def test_an_editor_offers_units_and_what_they_have(description: str, tmp_path: P
     assert behind == {"communication_step", "omega", "target", "K", "volt"}
     for word in ("Drive drive", "drive.volt", "unit.fmu"):
         assert (definition(workspace, path, LOOP.index(word)) is None) == (word != "drive.volt")
+
+
+def test_terminals_are_ports(tmp_path: Path) -> None:
+    """Two halves of a car, joined at their ports: the difference from the whole falls with the step, in first order. What is no port stays a signal."""
+    for name, port, given in (("Wheel", "top", "effort"), ("Body", "low", "flow")):
+        bondgraph.load(CAR, name).to_fmu(tmp_path / f"{name}.fmu", fmi="3", ports={port: given})
+    uses = """import Body from "Body.fmu"
+import Wheel from "Wheel.fmu"
+model Joined {
+  parameter h: s
+  Wheel wheel { communication_step = h }
+  Body body { communication_step = h }
+  wheel.top -> body.low
+  output above = body.speed
+  experiment go { simulate 0 .. 1 s { points = 3 } }
+}"""
+    model, whole = bondgraph.load(written(uses, tmp_path)), bondgraph.load(CAR, "Car").simulate(points=3).final("above")
+    errors = [abs(model.simulate(settings={"h": f"{h} ms"}).final("above") - whole) for h in (8, 4)]
+    assert errors[0] < 0.2 * abs(whole) and 1.8 < errors[0] / errors[1] < 2.2
+    file = tmp_path / "Wheel.fmu"
+    with zipfile.ZipFile(file) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    name = "terminalsAndIcons/terminalsAndIcons.xml"
+    for old, new, is_port in ((b"_bondgraph_", b"org.other.", True), (b'variableName="top_F"', b'variableName="speed"', False)):  # fmt: skip
+        with zipfile.ZipFile(file, "w") as archive:
+            for part, data in (parts | {name: parts[name].replace(old, new)}).items():
+                archive.writestr(part, data)
+        unit = read_unit_description(file)
+        text = unit_model(unit, "Wheel.fmu", file).text
+        assert ("top -> " in text or "-> top" in text) == is_port == ("input top_F" not in text)
 
 
 def test_what_a_unit_gives_at_the_start_is_there_at_once(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 from zipfile import BadZipFile, ZipFile
@@ -63,7 +64,7 @@ def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, So
         unit, file = component.get("name", ""), path / component.get("source", "")
         if component.get("type", _UNIT_TYPE) != _UNIT_TYPE:
             raise NotImportable(f"its `{unit}` is no unit", "Other kinds of components are not imported.")
-        units[unit], words[unit] = read_unit_description(file), names.new(unit)
+        units[unit], words[unit] = replace(read_unit_description(file), ports=()), names.new(unit)
         kinds[unit] = names.new(f"{unit} unit")
         sources[kinds[unit]] = unit_model(units[unit], f"{name}/{file.name}", file, kinds[unit])
     values = dict(_values(archive, system))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from io import BytesIO
 from math import inf, isfinite
@@ -17,6 +18,7 @@ from zipfile import BadZipFile, ZipFile
 
 from ...errors import printable
 from ...fast_dataclass import dataclass
+from ...graph.domains import DOMAINS
 from ...graph.units import Dimension
 from ...source import MAXIMUM_BYTES, SYSTEM, Source
 from .scope import RESERVED
@@ -25,6 +27,7 @@ from .statement_errors import NotImportable
 STEP, HELD = "communication_step", "held_"
 USUAL_TOLERANCE = 1e-6  # of a unit for model exchange that names none
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
+_TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 _REAL = {"2.0": ("ScalarVariable", "SimpleType"), "3.0": ("Float64", "Float64Type")}  # elements of variables, of types
 _BOUNDS = {"needsExecutionTool": "needs the tool that made it", "canBeInstantiatedOnlyOncePerProcess": "may be there only once"}  # fmt: skip
 _UNIT = re.compile(r"[^\W\d_%][\w*/^() %.-]*|%|1|1/[\w*/^() .-]+")
@@ -49,6 +52,16 @@ class UnitVariable:
 
 
 @dataclass(frozen=True, slots=True)
+class UnitPort:
+    """A terminal that is a power port: its name, its domain, its effort and flow, and True if power that is positive comes in."""
+
+    name: str
+    domain: str
+    members: tuple[UnitVariable, UnitVariable]
+    inward: bool
+
+
+@dataclass(frozen=True, slots=True)
 class UnitDescription:
     """All that a model and a run need of a unit. `step`: its own communication step in s, if it names one.
 
@@ -66,6 +79,7 @@ class UnitDescription:
     tolerance: float
     states: int
     indicators: int
+    ports: tuple[UnitPort, ...] = ()
 
     def of(self, *roles: str) -> list[UnitVariable]:
         """Return the variables with one of these roles."""
@@ -78,8 +92,12 @@ def read_unit_description(path: Path) -> UnitDescription:
         with open_unit(path) as archive:
             if archive.getinfo("modelDescription.xml").file_size > MAXIMUM_BYTES:
                 raise NotImportable("its description is too long", f"At most {MAXIMUM_BYTES} bytes are read.")
-            text = archive.read("modelDescription.xml")
-        return _described(parsed(text), path.stem)
+            text, terminals = archive.read("modelDescription.xml"), b""
+            if _TERMINALS in archive.namelist() and archive.getinfo(_TERMINALS).file_size <= MAXIMUM_BYTES:
+                terminals = archive.read(_TERMINALS)
+        names = NewNames()
+        unit = _described(parsed(text), path.stem, names)
+        return replace(unit, ports=tuple(_ports(parsed(terminals), unit.variables, names))) if terminals else unit
     except (BadZipFile, KeyError, ValueError, RuntimeError, NotImplementedError, ElementTree.ParseError):
         hint = "It is an archive with a `modelDescription.xml` of FMI 2.0 or 3.0."
         raise NotImportable("it is no functional mock-up unit", hint) from None
@@ -105,8 +123,13 @@ def unit_model(unit: UnitDescription, name: str, path: Path, word: str = "") -> 
     """Return the text of a model that stands for a unit, under its own name or another one."""
     first = "" if unit.step is None else f" = {unit.step!r} s"
     yields, takes = unit.of("output"), unit.of("parameter", "input")
+    joined = {item.name for port in unit.ports for item in port.members}
     lines = [f'  "{unit.description}"', f'  parameter {STEP}: s{first} "time between two exchanges"']
+    for port in unit.ports:
+        lines += _source(port)
     for item in takes:
+        if item.name in joined:
+            continue
         start = "" if item.start is None else f" = {value_of(item.start, item)}"
         lines.append(f'  {item.role} {declared(item)}{start} "{item.description}"')
     lines += [f"  mode {declared(v)} = 0" for v in yields]
@@ -114,6 +137,19 @@ def unit_model(unit: UnitDescription, name: str, path: Path, word: str = "") -> 
     lines += [f"  every {STEP} {{", *(f"    {HELD}{v.name} = {v.name}" for v in takes)]
     lines += [f"    {v.name} = {v.name} + {value_of(1.0, v)}" for v in yields]  # something moves: the unit
     return Source(name, "\n".join([f"model {word or unit.name} {{", *lines, "  }", "}", ""]), path)
+
+
+def _source(port: UnitPort) -> Iterator[str]:
+    """Yield the source that gives a port what comes out of the unit, and the signal of what goes in."""
+    rows = list(zip(port.members, ("e", "f"), strict=True))
+    letters = {v.role: (DOMAINS[port.domain].letter(letter), v, f"MS{letter}") for v, letter in rows}
+    (own, given, kind), (other, taken, _) = letters["output"], letters["input"]
+    source = f"{port.name}_source"
+    ends = (port.name, source) if port.inward else (source, port.name)
+    yield f"  port {port.name}: {port.domain}"
+    yield f"  {kind} {source} : {own} = {given.name}"
+    yield f"  {ends[0]} -> {ends[1]}"
+    yield f"  signal {taken.name} = {source}.{other}"
 
 
 def declared(item: UnitVariable, before: str = "", word: str = "") -> str:
@@ -126,7 +162,7 @@ def value_of(value: float, item: UnitVariable) -> str:
     return repr(value) if item.unit == "1" else f"{value!r} [{item.unit}]"
 
 
-def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
+def _described(root: ElementTree.Element, stem: str, names: NewNames) -> UnitDescription:
     version, head, stepper = root.get("fmiVersion", "")[:3], root.find("DefaultExperiment"), root.find("CoSimulation")
     has_steps = stepper is not None
     stepper = root.find("ModelExchange") if stepper is None else stepper
@@ -136,7 +172,7 @@ def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
         if stepper.get(flag) in ("true", "1"):
             raise NotImportable(f"it {what}", "Export it without that bound.")
     name, token = root.get("modelName") or stem, root.get("guid" if version == "2.0" else "instantiationToken", "")
-    identifier, variables = stepper.get("modelIdentifier", ""), tuple(_variables(root, version))
+    identifier, variables = stepper.get("modelIdentifier", ""), tuple(_variables(root, version, names))
     if not identifier.isidentifier():
         raise ValueError
     if not any(v.role == "output" for v in variables):
@@ -152,9 +188,9 @@ def _described(root: ElementTree.Element, stem: str) -> UnitDescription:
     )  # fmt: skip
 
 
-def _variables(root: ElementTree.Element, version: str) -> Iterator[UnitVariable]:
+def _variables(root: ElementTree.Element, version: str, names: NewNames) -> Iterator[UnitVariable]:
     """Yield the real numbers among the variables, and no arrays."""
-    names, (element, type_element) = NewNames(), _REAL[version]
+    element, type_element = _REAL[version]
     units = {u.get("name", ""): u.find("BaseUnit") for u in root.iterfind("UnitDefinitions/Unit")}
     types = {t.get("name"): _real(t, version) for t in root.iterfind(f"TypeDefinitions/{type_element}")}
     for item in root.iterfind(f"ModelVariables/{element}"):
@@ -172,6 +208,25 @@ def _variables(root: ElementTree.Element, version: str) -> Iterator[UnitVariable
         yield UnitVariable(
             name, own, int(item.get("valueReference", "")), role, unit, factor, offset, start, _text(item)
         )
+
+
+def _ports(root: ElementTree.Element, variables: Iterable[UnitVariable], names: NewNames) -> Iterator[UnitPort]:
+    """Yield the terminals of which an effort and a flow of one domain are the members: one comes in, the other goes out."""
+    own = {v.own: v for v in variables}
+    for terminal in root.iterfind("Terminals/Terminal"):
+        rows = {m.get("variableName", ""): m.get("variableKind") for m in terminal.iterfind("TerminalMemberVariable")}
+        members = [own[name] for name in rows if name in own]
+        if len(rows) != 2 or sorted(v.role for v in members) != ["input", "output"]:
+            continue
+        word = terminal.get("terminalKind", "").removeprefix("_bondgraph_")
+        for domain in sorted(DOMAINS.values(), key=lambda d: d.name != word):
+            letters = (str(domain.effort), str(domain.flow))
+            ordered = sorted(members, key=lambda v: v.unit != letters[0])
+            if domain.has_power and tuple(v.unit for v in ordered) == letters:
+                name = names.new(terminal.get("name", ""))
+                names.taken.add(f"{name}_source")
+                yield UnitPort(name, domain.name, (ordered[0], ordered[1]), "outflow" not in rows.values())
+                break
 
 
 def _real(item: ElementTree.Element, version: str) -> Mapping[str, str] | None:
