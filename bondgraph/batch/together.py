@@ -6,20 +6,30 @@ A run for which anything else than steps is needed has no result here: it is to 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, BoolArray, uncollected
+from compiler.api import Array, uncollected
 
 from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
 from ..numerics.threads import one_thread
 from ..results.checkpoint import Checkpoint
+from ..results.later import later
+from ..results.records import LimitLeft
 from ..results.result import Result
 from ..simulation.integrators.exponential import RunsPart
-from ..simulation.phases.cancellation import EXACT, doubtful_outputs, terms_of_outputs
+from ..simulation.phases.cancellation import (
+    EXACT,
+    Places,
+    doubts_on_outputs,
+    largest_outputs,
+    places_of_terms,
+    terms_of_outputs,
+)
 from ..simulation.run_options import RunRequest
 from ..simulation.segments.timeline import mode_after
 from ..simulation.settings import Settings, SettledPoints, settle_all
@@ -93,19 +103,18 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
     if trajectories is None or course.crowded:
         return
     values = _outputs(scene, runs, course, trajectories)
-    sound = (
-        trajectories.sound
-        & np.isfinite(values).all(axis=(1, 2))
-        & ~_doubtful(scene, runs, course, trajectories, values)
-    )
+    largest = largest_outputs(values)
+    sound = trajectories.sound & np.isfinite(largest).all(axis=1)
     final, last = trajectories.states[:, -1], course.segments[-1]
-    stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode).tolist()
-    peaks, parameters = trajectories.choice.peak.tolist(), runs.parameters.tolist()
-    sizes = [()] * len(runs) if magnitude is None else magnitude.tolist()
+    stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode)
+    sizes = np.empty((len(runs), 0)) if magnitude is None else magnitude
+    places = places_of_terms(scene.instants, trajectories.states, course.segments)
     time = (clock.perf_counter() - began) / len(runs)
     for row in np.flatnonzero(sound).tolist():
-        checkpoint = _checkpoint(scene, parameters[row], stored[row], peaks[row], sizes[row])
-        yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], checkpoint, time)
+        at = None if places is None else (places[0], places[1][row], places[2])
+        ended = runs.parameters[row], stored[row], trajectories.choice.peak[row], sizes[row]
+        both = partial(_warnings, scene, runs.constants[row], at, largest[row]), partial(_checkpoint, scene, *ended)
+        yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], both, time)
 
 
 def _outputs(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories) -> Any:
@@ -129,37 +138,36 @@ def _outputs_of(scene: BatchScene, runs: Runs, times: Array, states: Array, mode
         yield scene.program.output(times, x, scene.inputs, constants, mode)
 
 
-def _doubtful(scene: BatchScene, runs: Runs, course: BatchCourse, trajectories: BatchTrajectories, values: Array) -> BoolArray:  # fmt: skip
-    """Return a mask of the runs (runs,) that have to warn of outputs whose terms cancel: each is made alone."""
+def _warnings(scene: BatchScene, constants: Array, places: Places | None, largest: Array) -> tuple[LimitLeft, ...]:
+    """Return the warnings of a run on outputs whose terms cancel."""
 
     def output(times: Array, states: Array, mode: Array) -> Any:
-        return np.array([*_outputs_of(scene, runs, times, states, mode)])
+        return scene.program.output(times, states, scene.inputs, constants, mode)
 
-    terms = terms_of_outputs(output, scene.instants, trajectories.states, course.segments)
-    accuracy = EXACT if scene.linear else max(scene.options.rtol, EXACT)
-    return np.asarray(doubtful_outputs(values, terms, accuracy)[0].any(axis=-1))
+    accuracy, begin = EXACT if scene.linear else max(scene.options.rtol, EXACT), scene.options.plan.start
+    terms = terms_of_outputs(output, places) + np.zeros(len(largest))
+    return doubts_on_outputs(scene.program.outputs.names, largest, terms, accuracy, begin)
 
 
-def _checkpoint(
-    scene: BatchScene, parameters: Sequence[float], stored: Sequence[float], peaks: Sequence[float], magnitude: Sequence[float]
-) -> Checkpoint:  # fmt: skip
+def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, peaks: Array, magnitude: Array) -> Checkpoint:
     """Return the checkpoint at the end; `magnitude`: of each state, or nothing where none was searched."""
     program, end = scene.program, float(scene.instants[-1])
     names = (*program.states.names, *program.dependents.names)
     return Checkpoint(
-        scene.compiled_scene.facts.identity, dict(zip(program.parameters.names, parameters, strict=True)), end, end,
-        dict(zip(names, stored, strict=True)), dict(zip(names, peaks, strict=True)), {},
-        dict(zip(program.variables.names, magnitude, strict=False)), {}, (), (), scene.compiled_scene.scene.preferences, None,
+        scene.compiled_scene.facts.identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), end, end,
+        dict(zip(names, stored.tolist(), strict=True)), dict(zip(names, peaks.tolist(), strict=True)), {},
+        dict(zip(program.variables.names, magnitude.tolist(), strict=False)), {}, (), (), scene.compiled_scene.scene.preferences, None,
     )  # fmt: skip
 
 
 def _result(
-    scene: BatchScene, course: BatchCourse, trajectories: BatchTrajectories, row: int, values: Array, checkpoint: Checkpoint, time: float
+    scene: BatchScene, course: BatchCourse, trajectories: BatchTrajectories, row: int, values: Array, both: Sequence[Callable[[], Any]], time: float
 ) -> Result:  # fmt: skip
+    """Return the result of a run; `both`: functions that find its warnings and its checkpoint."""
     compiled_scene, plan = scene.compiled_scene, scene.options.plan
     counts = ((kind, int(count[row])) for kind, count in trajectories.evaluations.items())
     return Result(
         scene.program.name, plan.experiment, scene.instants.copy(), compiled_scene.columns, values, plan.report, trajectories.solvers[row],
-        int(trajectories.steps[row]), {kind: count for kind, count in counts if count}, scene.options.rtol, time, None, (), compiled_scene.certificate,
-        course.notes, (), "", checkpoint,
+        int(trajectories.steps[row]), {kind: count for kind, count in counts if count}, scene.options.rtol, time, None, later(both[0]),
+        compiled_scene.certificate, course.notes, (), "", later(both[1]),
     )  # fmt: skip

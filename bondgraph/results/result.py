@@ -16,6 +16,7 @@ from ..errors import MissingPackage, UnknownOutput, UsageError
 from ..rendering import OfModel, draw, text_of
 from .exports import Arrays, Exported, write_npz, write_rows
 from .json_values import as_json, entries, finite, head
+from .later import LaterField
 from .records import Column, EnergyBalance, EventRecord, Extremes, LimitLeft
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "bondgraph-result/1"
 ARCHIVE, RUN = "bondgraph-run/1", "the run"  # schema of a file, and its array with everything but numbers
+NO_WARNINGS: Any = LaterField(())
+NO_CHECKPOINT: Any = LaterField(None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,12 +62,12 @@ class Result(OfModel, Exported):
     rtol: float = math.nan
     wall_time: float = math.nan
     energy: EnergyBalance | None = None
-    warnings: tuple[LimitLeft, ...] = ()
+    warnings: tuple[LimitLeft, ...] = NO_WARNINGS
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
     events: tuple[EventRecord, ...] = ()
     stopped: str = ""
-    checkpoint: Checkpoint | None = None
+    checkpoint: Checkpoint | None = NO_CHECKPOINT
     truncation: TruncationReport | None = None
     check: RunCheck | None = None
     accuracy: float | None = None
@@ -75,6 +78,9 @@ class Result(OfModel, Exported):
         if self.values.shape != (len(self.time), len(self.columns)):
             wanted = (len(self.time), len(self.columns))
             raise ValueError(f"values have the shape {self.values.shape}, time and columns want {wanted}")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "warnings": self.warnings, "checkpoint": self.checkpoint}
 
     @property
     def stopped_by(self) -> EventRecord | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from .magnitudes.nominal_magnitudes import least_tolerances
 from .monitors.extremes import ExtremesMonitor
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
-from .phases.cancellation import terms_of_outputs
+from .phases.cancellation import largest_outputs, places_of_terms, terms_of_outputs
 from .phases.failures import explained, modes_in
 from .phases.notes import phase_doubts, phase_notes
 from .phases.run_program import RunProgram
@@ -118,6 +118,7 @@ class Phase:
         self.whole = False  # True once the phase has reached its end
         self.moved: Mapping[str, float] | None = None  # magnitudes of what moves, if they were needed
         self.values: Any = None  # outputs, shape (points, outputs)
+        self.largest: Any = None  # the largest absolute value of each, shape (outputs,)
         self.extremes: ExtremesMonitor | None = None
         self.balance: EnergyBalance | None = None
 
@@ -257,11 +258,15 @@ class Phase:
     def _solution(self) -> PhaseSolution:
         return PhaseSolution(self.constraints, self.instants, self.trajectory, self.stretches)
 
-    def terms_of_outputs(self) -> Any:
-        """Return the largest term (outputs,) of a state in each output."""
-        solution = self._solution()
-        terms = terms_of_outputs(solution.output, self.instants, self.trajectory.states, solution.segments)
-        return terms + np.zeros(len(self.program.outputs.names))  # of a phase without instants, too
+    def terms_of_outputs(self) -> Callable[[], Any]:
+        """Return the function that finds the largest term (outputs,) of a state in each output. It keeps no trajectory in memory."""
+        program, inputs, constants, solution = self.program, self.inputs, self.constants, self._solution()
+        places = places_of_terms(self.instants, self.trajectory.states, solution.segments)
+
+        def output(times: Array, states: Array, mode: Array) -> Any:
+            return program.output(times, states, inputs, constants, mode)
+
+        return lambda: terms_of_outputs(output, places) + np.zeros(len(program.outputs.names))  # without instants, too
 
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to the instant from which other states should be integrated.
@@ -283,8 +288,8 @@ class Phase:
         self.values = self._solution().outputs(self.watch)
         if self.extremes is not None:
             self.extremes.look_at_values(self.instants[: len(self.values)], self.values)
-        self.whole = True
-        if not np.isfinite(self.values).all():
+        self.whole, self.largest = True, largest_outputs(self.values)
+        if not np.isfinite(self.largest).all():
             from .monitors.finite import check_finite
 
             space = self.compilation.state_space
@@ -344,6 +349,7 @@ class Phase:
             self.trajectory.kept = None  # its instant lies beyond the last finite output
         elif self.options.energy and kept is not None:
             self._find_energy()
+        self.largest = largest_outputs(self.values)
 
     def _finish(self) -> None:
         if self.history is not None:
@@ -368,20 +374,26 @@ class Phase:
         self.balance, self.held = energy.balance, energy.held
         self.notes += energy.notes
 
-    def end(self, until: float) -> Checkpoint | None:
-        """Return the checkpoint at the end of this phase, from which another run can go on; None if no step was accepted."""
-        kept, program = self.trajectory.kept, self.program
+    def end(self, until: float) -> Callable[[], Checkpoint | None]:
+        """Return the function that makes the checkpoint at the end of this phase, from which another run can go on; None if no step was accepted.
+        It keeps no trajectory in memory."""
+        kept, program, choice, parameters = self.trajectory.kept, self.program, self.choice, self.parameters
         if kept is None:
-            return None
-        stored, peaks = self.choice.stored(kept.time, kept.state, kept.mode)
-        count = len(program.states.names)
-        return Checkpoint(
-            self.compilation.facts.identity, dict(zip(program.parameters.names, self.parameters.tolist(), strict=True)),
-            kept.time, until, stored, peaks, dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)),
-            dict(self.known if self.moved is None else self.moved), modes_in(self.constraints, kept.mode),
-            tuple((owner, place, on) for (owner, place), on in kept.on.items()), self.off, self.scene.preferences,
-            None if self.history is None else self.history.past(kept.remembered),
-        )  # fmt: skip
+            return lambda: None
+        identity, off, preferences = self.compilation.facts.identity, self.off, self.scene.preferences
+        known, modes = self.known if self.moved is None else self.moved, modes_in(self.constraints, kept.mode)
+        past = None if self.history is None else self.history.past(kept.remembered)
+
+        def checkpoint() -> Checkpoint:
+            stored, peaks = choice.stored(kept.time, kept.state, kept.mode)
+            count = len(program.states.names)
+            return Checkpoint(
+                identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), kept.time, until, stored, peaks,
+                dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)), dict(known), modes,
+                tuple((owner, place, on) for (owner, place), on in kept.on.items()), off, preferences, past,
+            )  # fmt: skip
+
+        return checkpoint
 
     @property
     def occurrences(self) -> list[EventRecord]:

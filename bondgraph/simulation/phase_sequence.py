@@ -14,6 +14,7 @@ from compiler.api import SOLVERS, CompilationFailed
 
 from ..errors import RunFailed
 from ..quantities import behind
+from ..results.later import later
 from ..results.records import EnergyBalance, EventRecord, Extremes, LimitLeft, widest
 from ..results.result import Result
 from .monitors.state_selection import WORST
@@ -152,9 +153,8 @@ class PhaseSequence:
             for kind, count in leg.trajectory.evaluations.items():
                 evaluations[kind] = evaluations.get(kind, 0) + count
         values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
-        with np.errstate(all="ignore"):  # a run may end where a quantity has no value
-            end = legs[-1].end(self.stop)
-            cancelled = _cancelled(legs, values, self.options.rtol, plan.start)
+        now = any(leg.history is not None for leg in legs)  # what is delayed is this run's alone
+        end, warnings = later(legs[-1].end(self.stop), now), later(_warnings(legs, self.options.rtol, plan.start), now)
         time, halted = self.instants[: len(values)], legs[-1].trajectory.stopped
         if halted is not None:
             time = np.append(time[:-1], halted)
@@ -171,7 +171,7 @@ class PhaseSequence:
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), evaluations, self.options.rtol, clock.perf_counter() - self.began,
-            balance, (*_warnings(legs), *cancelled), legs[0].compilation.certificate,
+            balance, warnings, legs[0].compilation.certificate,
             tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
             acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs) if self.options.extremes else (),
         )  # fmt: skip
@@ -258,20 +258,22 @@ def _check_choice(
         )  # fmt: skip
 
 
-def _warnings(legs: Sequence[Phase]) -> tuple[LimitLeft, ...]:
-    """Return each violated limit once, at its first instant, and the first doubt about tolerances."""
-    first: dict[tuple[str, str, str], LimitLeft] = {}
-    for item in (w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)):
-        first.setdefault((item.owner, item.condition, item.place), item)
-    return tuple(first.values())
-
-
-def _cancelled(legs: Sequence[Phase], values: Array, rtol: float, begin: float) -> tuple[LimitLeft, ...]:
-    """Return warnings on outputs that are less than the tolerance leaves of their terms."""
+def _warnings(legs: Sequence[Phase], rtol: float, begin: float) -> Callable[[], tuple[LimitLeft, ...]]:
+    """Return the function that finds each violated limit once, at its first instant, the first doubt about tolerances, and outputs that are less than the
+    tolerance leaves of their terms."""
+    limits = [w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)]
     exact = all(list(leg.trajectory.solvers) == [SOLVERS["exponential"].name] for leg in legs)
-    accuracy = EXACT if exact else max(rtol, EXACT)
-    terms = np.max([leg.terms_of_outputs() for leg in legs], axis=0) if len(legs) > 1 else legs[0].terms_of_outputs()
-    return doubts_on_outputs(legs[0].program.outputs.names, values, terms, accuracy, begin)
+    accuracy, names = EXACT if exact else max(rtol, EXACT), legs[0].program.outputs.names
+    terms, sizes = [leg.terms_of_outputs() for leg in legs], [leg.largest for leg in legs]
+
+    def warnings() -> tuple[LimitLeft, ...]:
+        first: dict[tuple[str, str, str], LimitLeft] = {}
+        for item in limits:
+            first.setdefault((item.owner, item.condition, item.place), item)
+        largest, most = np.max(sizes, axis=0), np.max([find() for find in terms], axis=0)
+        return *first.values(), *doubts_on_outputs(names, largest, most, accuracy, begin)
+
+    return warnings
 
 
 def _solver(program: Program, legs: Sequence[Phase]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from bondgraph.results.later import Later
 from tests.compiling import MODELS
 
 TEXT = """model Filter {
@@ -56,6 +58,23 @@ def test_many_runs_tell_what_each_alone_tells(model: Any) -> None:
     alone = [model.simulate(settings=s, to="20 ms", points=21) for s in settings]
     assert [[str(w) for w in r.warnings] for r in together] == [[str(w) for w in r.warnings] for r in alone]
     assert [bool(r.warnings) for r in alone] == [False] * 3 + [True] * 3
+
+
+def test_what_is_found_when_read_is_that_of_the_run(model: Any) -> None:
+    """Warnings and checkpoints are found at their first use, from what the run had, not from what is now in the arrays."""
+    many = [{"tau": tau} for tau in (1e-15, 2e-15, 3e-15)]
+    results = [
+        model.simulate(settings={"tau": 1e-8}, to="20 ms", solver="rodas"),
+        *model.simulate_many(many, to="20 ms", workers=1),
+    ]
+    for result in results:
+        assert type(vars(result)["warnings"]) is type(vars(result)["checkpoint"]) is Later
+        read = pickle.loads(pickle.dumps(result))
+        result.values[:] = 1.0
+        result.time[:] = 1.0
+        assert str(result.warnings) == str(read.warnings) and [w.owner for w in read.warnings] == ["i"]
+        assert result.checkpoint.to_json() == read.checkpoint.to_json()
+        assert result.checkpoint is result.checkpoint and read.checkpoint.time == 20e-3
 
 
 def test_zero_by_a_symmetry_is_no_doubt() -> None:
