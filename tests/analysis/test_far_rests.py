@@ -32,7 +32,7 @@ model M {{
   Se w2 : F = {1} kg*9.81 [m/s^2]
   I m1 : p = 2 kg*v
   I m2 : p = {1} kg*v
-  Rope part {{ x_0 = 13.08e-5 m; r = {0} N*s/m }}
+  Rope part {{ length = 0, x_0 = 13.08e-5 m, r = {0} N*s/m }}
   w1 -> 1(m1) -> part.a
   w2 -> 1(m2) -> part.b
   output y = part.pull

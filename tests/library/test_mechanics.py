@@ -356,7 +356,7 @@ def test_a_rope_goes_slack_and_catches() -> None:
         Se weight : F = 9.81 N
         I mass : p = 1 kg*v { start v = -2 [m/s] }
         Sf post : v = 0
-        Rope rope { r = 0, k = 1e4 [N/m] }
+        Rope rope { length = 0, r = 0, k = 1e4 [N/m] }
         weight -> 1(mass) -> rope.a
         post -> rope.b
         output v = mass.v, T = rope.pull
@@ -365,6 +365,32 @@ def test_a_rope_goes_slack_and_catches() -> None:
     )  # fmt: skip
     near(found["v"], -2 + 9.81 * found.time)
     exact(found["T"], np.zeros(len(found.time)))
+
+
+def test_a_rope_over_a_pulley_of_a_mechanism_counts_from_its_length() -> None:
+    """Its strands are distances, which are 2 m together where it is drawn: without a length it would pull by 100 kN."""
+    found = run(
+        "mechanics", "Rope",
+        """
+        multibody hoist : planar {
+          gravity = (0, -9.81 [m/s^2])
+          frame top  : ground { at = (0, 0) }
+          body left  { mass = 2 kg, at = (0, -1 m) }
+          body right { mass = 1 kg, at = (0, -1 m) }
+          slide one  : ground to left { along = (0, 1) }
+          slide two  : ground to right { along = (0, 1) }
+          distance d : top to left
+          distance e : top to right
+        }
+        Rope rope { length = 2 m - 13.08e-5 m }
+        hoist.d -> rope.a
+        hoist.e -> rope.b
+        output v = hoist.one.x.v, T = rope.pull
+        """,
+        0.3,
+    )  # fmt: skip
+    near(found["v"], -9.81 / 3 * found.time)
+    near(found["T"], 13.08 + 0 * found.time)
 
 
 @pytest.mark.few(1)
