@@ -49,10 +49,14 @@ class UnitLink(NamedTuple):
 
 
 class System(NamedTuple):
-    """Units by name, that of the rest with the name of the model, and what goes between them. `whole`: the model, of which that is an output."""
+    """Units by name, that of the rest with the name of the model, and what goes between them.
+
+    `bonds`: the two links of each bond that is cut. `whole`: the model, of which what goes between units is an output.
+    """
 
     units: Mapping[str, BondGraph]
     links: tuple[UnitLink, ...]
+    bonds: tuple[tuple[UnitLink, ...], ...]
     whole: BondGraph
 
     def alone(self, built: Built, name: str) -> Built:
@@ -97,6 +101,7 @@ class _Cutter:
         self.parts = sorted(parts, key=len, reverse=True)  # of nested ones the inner one comes first
         self.units: dict[str, _Unit] = defaultdict(_Unit)
         self.links: dict[UnitLink, None] = {}
+        self.cuts: list[list[UnitLink]] = []  # those of each bond
         self.given: dict[str, Named] = {}  # by the names in links, as the whole has it
         self.rest = self.graph.name
         while self.rest.lower() in (part.lower() for part in parts):  # files are named after units
@@ -130,9 +135,10 @@ class _Cutter:
                 while unit.waiting:
                     self._define(name, unit.waiting.pop())
         names = {owner: owner or self.rest for owner in self.units}
-        links = tuple(k._replace(giver=names[k.giver], taker=names[k.taker]) for k in self.links)
+        renamed = {k: k._replace(giver=names[k.giver], taker=names[k.taker]) for k in self.links}
+        links, bonds = tuple(renamed.values()), tuple(tuple(renamed[k] for k in pair) for pair in self.cuts)
         whole = replace(graph, outputs={**graph.outputs, **self.given})
-        return System({names[owner]: self._whole(owner) for owner in self.units}, links, whole)
+        return System({names[owner]: self._whole(owner) for owner in self.units}, links, bonds, whole)
 
     def _whole(self, owner: str) -> BondGraph:
         """Return the graph of a unit."""
@@ -172,7 +178,7 @@ class _Cutter:
 
     def _bond(self, number: int) -> None:
         """Add a bond to its unit; one between two units to both, each with a source in the place of the other."""
-        bond = self.graph.bonds[number]
+        bond, before = self.graph.bonds[number], len(self.links)
         for owner in dict.fromkeys((self.owners[bond.tail.node], self.owners[bond.head.node])):
             unit = self.units[owner]
             tail, head = (
@@ -183,6 +189,8 @@ class _Cutter:
             inner = next(e.node for e in (bond.tail, bond.head) if self.owners[e.node] == owner)
             if len(unit.nodes) in (tail.node, head.node):
                 unit.nodes.append(self._source(owner, number, self.causal.decides_effort(number, inner)))
+        if links := list(self.links)[before:]:
+            self.cuts.append(links)
 
     def _source(self, owner: str, number: int, is_effort_known: bool) -> Element:
         """Return the source in the place of the rest at a bond, whose value is an input; what answers is an output."""

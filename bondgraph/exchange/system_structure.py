@@ -7,15 +7,20 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from compiler import api
 
 from ..errors import RunFailed
 from ..simulation.run import run
 from ..simulation.run_options import RunOptions
 from .model_description import attributes, powers
+from .osp import Place, osp_system_structure
 from .unit import FmuUnit, unit_of, zipped
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from compiler.api import BondGraph, Compilation, Named, Plan
 
     from ..compiled_model import CompiledModel
@@ -25,8 +30,6 @@ _SPACES = 'xmlns:{0}="http://ssp-standard.org/SSP1/SystemStructure{1}" xmlns:ssc
 _FIRST = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 SHORT = 1e-9  # part of the experiment that is run for the values at its start
-
-Place = tuple[str, str]  # a unit and one of its variables; the name of the unit is empty for the system itself
 Values = Mapping[str, float]
 
 
@@ -40,13 +43,14 @@ def ssp(
     whole = model.compilation(api.Scene(model.model, experiment, free=frozenset({"*"})))
     parts = tuple(parts) or tuple(name for name in whole.whole_graph.stands if "." not in name)
     cut = whole.system(parts)
-    at_start = _starts(model, experiment, parts, {k.given for k in cut.links}, whole.plan)
+    courses = _courses(model, experiment, parts, {k.given for k in cut.links}, whole.plan, SHORT)
     units = {}
     for name in cut.units:
-        starts = {k.taken: at_start[k.given] for k in cut.links if k.taker == name and k.given in at_start}
+        starts = {k.taken: float(courses[k.given][0]) for k in cut.links if k.taker == name and k.given in courses}
         scene = api.Scene(model.model, experiment or "", unit=(name, parts))
         units[name] = unit_of(model, scene, experiment, platforms, fmi, starts=starts)
-    links = [((k.giver, units[k.giver].names[k.given]), (k.taker, units[k.taker].names[k.taken])) for k in cut.links]
+    ends = {k: ((k.giver, units[k.giver].names[k.given]), (k.taker, units[k.taker].names[k.taken])) for k in cut.links}
+    links = list(ends.values())
     _refuse_loops(units, links, whole)
     taken = {place for _, place in links}
     links += [
@@ -63,20 +67,29 @@ def ssp(
         files[f"{name}.ssd"] = text.encode("utf-8")
         if values:
             files[f"resources/{name}.ssv"] = _parameter_set(name, values).encode("utf-8")
+        if fmi == "2" and chosen is None:
+            pairs = cut.bonds if len(cut.bonds) == 1 and plan.stop is not None else ()  # libcosim's files may have one
+            efforts_and_flows = {k.given for pair in pairs for k in pair}
+            course = _courses(model, experiment, parts, efforts_and_flows, whole.plan, 1.0) if pairs else {}
+            power = float(np.abs(np.prod(list(course.values()), axis=0)).max()) if course else 0.0
+            bonds = {ends[k]: pair[0].given for pair in pairs for k in pair}
+            first = {taken: values[shown] for (giver, shown), taken in links if not giver and shown in values}
+            structure = osp_system_structure(sources, [k for k in links if k[0][0]], bonds, first, plan, power)
+            files["resources/OspSystemStructure.xml"] = structure.encode("utf-8")
     return zipped(files)
 
 
-def _starts(
-    model: CompiledModel, experiment: str | None, parts: tuple[str, ...], names: Collection[str], plan: Plan
-) -> dict[str, float]:  # fmt: skip
-    """Return the values that go between units when a run begins: at 0 K a law may have none. None if the model does not run."""
+def _courses(
+    model: CompiledModel, experiment: str | None, parts: tuple[str, ...], names: Collection[str], plan: Plan, share: float
+) -> Mapping[str, NDArray[np.float64]]:  # fmt: skip
+    """Return the courses of what goes between units, over a share of the experiment: nothing if the model does not run."""
     scene = api.Scene(model.model, experiment, unit=("", parts))
-    to = plan.start + SHORT * ((1.0 if plan.stop is None else plan.stop) - plan.start)
+    to = plan.start + share * ((1.0 if plan.stop is None else plan.stop) - plan.start)
     try:
-        result = run(model, scene, {}, RunOptions(to=to, points=2))
+        result = run(model, scene, {}, RunOptions(to=to, points=2 if share == SHORT else None))
     except (RunFailed, api.CompilationFailed):
         return {}
-    return {name: float(result[name][0]) for name in names}
+    return {name: result[name] for name in names}
 
 
 def _inputs(unit: FmuUnit) -> Iterator[tuple[str, str]]:

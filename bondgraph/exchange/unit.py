@@ -27,8 +27,9 @@ from .interface import llvm_data, llvm_interface
 from .interface_c import c_unit
 from .model_description import UnitHead, build_description, model_description, terminals_and_icons
 from .obstacles import refuse
+from .osp import osp_model_description
 from .start import StartValues, start_values
-from .terminals import UnitIcon, terminals_of
+from .terminals import UnitIcon, UnitTerminal, terminals_of
 from .variables import FmuVariable, own_names, variables_of
 
 if TYPE_CHECKING:
@@ -87,19 +88,20 @@ class _UnitParts:
 
 @dataclass(frozen=True, slots=True)
 class FmuUnit:
-    """A unit: its files, its variables, their names by those in the model, and the plan of its experiment."""
+    """A unit: its files, its variables, their names by those in the model, the plan of its experiment, and what libcosim looks for beside it."""
 
     files: Mapping[str, bytes]
     variables: tuple[FmuVariable, ...]
     names: Mapping[str, str]
     plan: Plan
+    beside: Mapping[str, bytes]
 
 
 def fmu(
     model: CompiledModel, experiment: str | None = None, platforms: Sequence[str] = ("linux64",), fmi: str = "2",
     ports: Mapping[str, str] | None = None, icon: UnitIcon | None = None,
-) -> bytes:  # fmt: skip
-    """Return the bytes of a unit.
+) -> FmuUnit:  # fmt: skip
+    """Return a unit.
 
     All parameters can be set, except what decides which parts there are; all inputs are free. With an experiment its settings are in it.
     Start, stop and tolerance are those of
@@ -111,7 +113,7 @@ def fmu(
         if side not in ("effort", "flow"):
             raise UsageError("BR620", f"the port `{port}` is given `{side}`; a unit takes its `effort` or its `flow`")
     scene = api.Scene(model.model, experiment or "", ports=tuple((ports or {}).items()))
-    return zipped(unit_of(model, scene, experiment, platforms, fmi, icon).files)
+    return unit_of(model, scene, experiment, platforms, fmi, icon)
 
 
 def unit_of(
@@ -151,25 +153,27 @@ def unit_of(
     files = {
         "modelDescription.xml": model_description(parts.head, variables, plan.report, version.number).encode("utf-8")
     }
-    files |= _terminals(compilation, version, ports, icon)
+    terminals = terminals_of(compilation, ports) if ports else ()
+    files |= _terminals(terminals, version, icon)
     for word in platforms:
         platform = PLATFORMS[word]
         files[f"binaries/{platform.folders[version.number]}/{parts.head.identifier}{platform.ending}"] = _library(
             parts, word
         )
     files |= _sources(compilation, parts)
-    return FmuUnit(files, variables, names, plan)
+    beside = {}
+    if terminals and version.number == "2.0":
+        beside[f"{parts.head.name}_OspModelDescription.xml"] = osp_model_description(terminals).encode("utf-8")
+    return FmuUnit(files, variables, names, plan, beside)
 
 
-def _terminals(
-    compilation: Compilation, version: FmiVersion, ports: Mapping[str, str], icon: UnitIcon | None
-) -> dict[str, bytes]:  # fmt: skip
+def _terminals(terminals: Sequence[UnitTerminal], version: FmiVersion, icon: UnitIcon | None) -> dict[str, bytes]:
     """Return the files of the icon, and of the terminals, which FMI 2.0 does not know."""
     if version.number == "2.0":
         return {} if icon is None else {"model.png": icon.png}
-    if not ports and icon is None:
+    if not terminals and icon is None:
         return {}
-    text = terminals_and_icons(terminals_of(compilation, ports), icon)
+    text = terminals_and_icons(terminals, icon)
     pictures = {} if icon is None else {"icon.png": icon.png, "icon.svg": icon.svg}
     files = {"terminalsAndIcons.xml": text.encode("utf-8"), **pictures}
     return {f"terminalsAndIcons/{name}": data for name, data in files.items()}

@@ -177,15 +177,16 @@ class Shown(AnalysedModel):
 
         All parameters can be set, all inputs are free; with an experiment, its settings hold. Start, stop and tolerance are those of the experiment, or of
         the first one. `platforms`: `linux64`, `linux-aarch64`, `win64`. `ports`: open ports, as `{"tip": "effort"}`, which is an input then, `tip_F`,
-        and the flow an output, `tip_v`. `icon`: with the diagram as its icon. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`,
-        `RunFailed`, `MissingPackage`, OSError.
+        and the flow an output, `tip_v`; with FMI 2.0 `NAME_OspModelDescription.xml` beside the unit tells libcosim so. `icon`: with the diagram as its
+        icon. Raises `CompilationFailed`, also for what a unit cannot hold, `UsageError`, `RunFailed`, `MissingPackage`, OSError.
         """
-        from ..exchange.unit import fmu
+        from ..exchange.unit import fmu, zipped
         from ..files import replacing
 
-        data = fmu(self, experiment, platforms, fmi, ports, self._icon(ports or {}) if icon else None)
-        with replacing(path) as stream:
-            stream.write(data)
+        unit = fmu(self, experiment, platforms, fmi, ports, self._icon(ports or {}) if icon else None)
+        for file, data in {Path(path).name: zipped(unit.files), **unit.beside}.items():
+            with replacing(Path(path).with_name(file)) as stream:
+                stream.write(data)
 
     @checked
     def to_ssp(

@@ -171,3 +171,30 @@ def test_strokes_that_forbid_a_way_are_told_with_their_reason(tmp_path: Path) ->
     assert CliRunner().invoke(commands, [*arguments, str(tmp_path / "c.fmu")]).exit_code == 0
     assert (tmp_path / "c.fmu").read_bytes() == (tmp_path / "m.fmu").read_bytes()
     assert CliRunner().invoke(commands, [*arguments, str(tmp_path / "c.py")]).exit_code == 2
+
+
+SYSTEM = """<OspSystemStructure xmlns="http://opensimulationplatform.com/MSMI/OSPSystemStructure" version="0.1">
+  <BaseStepSize>0.004</BaseStepSize>
+  <Algorithm>fixedStep</Algorithm>
+  <Simulators><Simulator name="wheel" source="Wheel.fmu"/><Simulator name="body" source="Body.fmu"/></Simulators>
+  <Connections><VariableGroupConnection><VariableGroup simulator="wheel" name="top"/><VariableGroup simulator="body" name="low"/></VariableGroupConnection></Connections>
+</OspSystemStructure>
+"""
+
+
+def test_libcosim_joins_ports_by_the_file_beside_a_unit(tmp_path: Path) -> None:
+    for name, ports in (("Wheel", {"top": "effort"}), ("Body", {"low": "flow"})):
+        bondgraph.load(CAR, name).to_fmu(tmp_path / f"{name}.fmu", ports=ports)
+    text = (tmp_path / "Wheel_OspModelDescription.xml").read_text()
+    assert '<LinearMechanicalPort name="top"><Force name="top Force"><Variable ref="top_F"/></Force>' in text
+    execution = pytest.importorskip("libcosimpy.CosimExecution")
+    from libcosimpy.CosimObserver import CosimObserver
+
+    (tmp_path / "OspSystemStructure.xml").write_text(SYSTEM)
+    run, observer = execution.CosimExecution.from_osp_config_file(str(tmp_path)), CosimObserver.create_last_value()
+    run.add_observer(observer)
+    run.step(250)
+    body = run.slave_index_from_instance_name("body")
+    (speed,) = (v.reference for v in run.slave_variables(body) if v.name == b"speed")
+    whole = bondgraph.load(CAR, "Car").simulate(points=2).final("above")
+    assert observer.last_real_values(body, [speed])[0] == pytest.approx(whole, rel=0.03)

@@ -143,11 +143,11 @@ def _source(port: UnitPort) -> Iterator[str]:
     """Yield the source that gives a port what comes out of the unit, and the signal of what goes in."""
     rows = list(zip(port.members, ("e", "f"), strict=True))
     letters = {v.role: (DOMAINS[port.domain].letter(letter), v, f"MS{letter}") for v, letter in rows}
-    (own, given, kind), (other, taken, _) = letters["output"], letters["input"]
+    (own, result, kind), (other, taken, _) = letters["output"], letters["input"]
     source = f"{port.name}_source"
     ends = (port.name, source) if port.inward else (source, port.name)
     yield f"  port {port.name}: {port.domain}"
-    yield f"  {kind} {source} : {own} = {given.name}"
+    yield f"  {kind} {source} : {own} = {result.name}"
     yield f"  {ends[0]} -> {ends[1]}"
     yield f"  signal {taken.name} = {source}.{other}"
 
