@@ -149,7 +149,7 @@ def _same(product: Any) -> Any:
             if name in product.names:
                 there = np.asarray(product[name])
                 scale = max(float(np.abs(there).max()), float(np.abs(here).max(initial=0.0)))
-                if not float(np.abs(there[1:] - here).max(initial=0.0)) <= SAME * scale:
+                if not float(np.abs(there[1:] - here).max(initial=0.0)) <= SAME * scale + NOTHING:
                     return False
         return True
 

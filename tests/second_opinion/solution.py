@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
+from scipy.linalg import get_lapack_funcs, qr, solve_triangular
 
 from tests.second_opinion.assembly import Assembly, System, stored_law
 from tests.second_opinion.linkage import Linkage
@@ -38,6 +38,9 @@ PEEK = 1e-6  # of the span: a step that only looks
 INSTANT = 1e-9  # of the span: the Euler step behind an event
 LOOKS = tuple(i / 8 for i in range(1, 8))  # where within a step the branches are looked at
 UNSURE = 12  # turns at one instant, after which what is zero but for rounding is looked at a little later
+COARSEST = 16  # steps
+NAUGHT = 1e-25  # of the largest number: a gap that is less has no sign but that of rounding, and counts as none
+AT_NAUGHT = {"less": 0.0, "less_equal": 1.0, "equal": 1.0, "sign": 0.0, "abs": 1.0, "min": 1.0, "max": 1.0, "floor": 0.0, "ceil": 0.0}  # fmt: skip
 SWEEPS = 20  # over rows and columns, for their scales
 MOST = 400  # events
 PILED = 8  # intervals of an event that shrink, to a ten-thousandth of the span: the next ones have no end
@@ -47,13 +50,11 @@ getrf, getrs = get_lapack_funcs(("getrf", "getrs"), (np.zeros((1, 1)),))
 
 def _weights(nodes: Array, places: Any) -> Array:
     """Lagrange's weights of values at nodes for the polynomial at places; shape (places, nodes)."""
-    apart = np.asarray(places)[..., None, None] - np.tile(nodes, (len(nodes), 1))
-    apart[..., range(len(nodes)), range(len(nodes))] = 1.0
-    between = nodes[:, None] - nodes + np.eye(len(nodes))
-    found: Array = np.prod(apart, axis=-1) / np.prod(between, axis=-1)
+    found: Array = (np.asarray(places)[..., None] ** np.arange(len(nodes))) @ BASES[len(nodes)]
     return found
 
 
+BASES = {len(nodes): np.linalg.inv(np.vander(nodes, increasing=True)) for nodes in (NODES, FROM_0)}
 AT_0 = _weights(NODES, 0.0)
 LOOK_STATES, LOOK_UNKNOWNS = _weights(FROM_0, LOOKS), _weights(NODES, LOOKS)
 
@@ -85,6 +86,8 @@ class Run:
     before: tuple[float, Array, Array] | None = None  # the last step's begin
     weights: Any = 1.0  # how readily an impulse moves each state
     blur: float = 1.0  # of `INSTANT` and `BEHIND`: what depends on it is not certain
+    fresh: float = math.nan  # when branches changed last
+    parts: int = 1  # of the first step behind that: an error of it that two runs have alike would not be seen
 
     @property
     def peek(self) -> float:
@@ -123,15 +126,14 @@ class Run:
                 blocks[i, n:, i] = jac[n:]
             matrix = blocks.reshape(s * size, s * size)
             for scales in (_means, _largest):  # what is singular is shared out by the largest entries
-                rows, columns = scales(np.abs(matrix))
+                rows, columns = (np.tile(side, s) for side in scales(np.abs(blocks[-1, :, -1])))
                 scaled = rows[:, None] * matrix * columns
                 lu, pivots, _ = getrf(scaled)
                 if np.abs(np.diag(lu)).min(initial=1.0) > 1e-13:
                     self.factors[key] = (lambda rest, lu=lu, pivots=pivots: getrs(lu, pivots, rest)[0], rows, columns)
                     break
             else:  # something is not determined, or said twice
-                inverse = np.linalg.pinv(scaled, rcond=1e-14)
-                self.factors[key] = (inverse.__matmul__, rows, columns)
+                self.factors[key] = (_least(scaled).__matmul__, rows, columns)
         return self.factors[key]
 
     def renewed(self, x: Array, w: Array, t: float) -> None:
@@ -216,7 +218,12 @@ class Run:
             branches, gaps = self.system.watch(t, x.tolist(), w.tolist(), self.m, self.b)
         except (ArithmeticError, ValueError):
             raise Undecided("a law without a value") from None
-        return branches, gaps
+        nothing = NAUGHT * max(np.abs(x).max(initial=0.0), np.abs(w).max(initial=0.0))
+        naught = [
+            AT_NAUGHT[o] if abs(g) <= nothing else b
+            for o, b, g in zip(self.system.operators, branches, gaps, strict=True)
+        ]
+        return naught, gaps
 
     def settle(self) -> None:
         """The instant behind a change: branches, junctions and events until nothing changes any more.
@@ -256,6 +263,7 @@ class Run:
                 self.before = self.jacobian = None
             self.true = [bool(v) for v in truth]
             self.w = w
+            self.fresh = self.t
             acting, self.ticks = [*acting, *self.ticks], []
             if not acting:
                 return
@@ -314,10 +322,10 @@ class Run:
         return list(done.values())
 
     def advance(self, h: float) -> None:
-        """A step of this length, cut where a branch changes."""
+        """A step of this length, cut where a branch changes. Behind such a change, runs of halved steps have a first step that is halved too."""
         end = self.t + h
         while end - self.t > 2 * self.instant:
-            h = end - self.t
+            h = (end - self.t) / (self.parts if self.t == self.fresh else 1)
             self.before = self.t, self.x, self.w
             try:
                 xs, ws = self.step(h)
@@ -329,9 +337,9 @@ class Run:
                 self.advance(h / 2)
                 continue
             if theta is None:
-                self.t, self.x, self.w = end, xs[-1], ws[-1]
+                self.t, self.x, self.w = self.t + h, xs[-1], ws[-1]
                 self.largest = np.maximum(self.largest, np.abs(self.x))
-                return
+                continue
             self.settle()
             self.cuts += 1
             if self.cuts > MOST:
@@ -360,43 +368,76 @@ class Run:
             return False
 
     def _cut(self, h: float, bracket: tuple[float, float]) -> None:
-        """Go just behind the change of a branch: by the polynomial, then by whole steps: Newton's method, the secant, or halfway."""
-        assert self.path is not None
-        (_, _, states, unknowns), (low, high) = self.path, bracket
-        most, watch = high, self.system.watch
-        for _ in range(22):
-            middle = 0.5 * (low + high)
-            there = _weights(FROM_0, middle) @ states, _weights(NODES, middle) @ unknowns
-            low, high = (low, middle) if self._differs(self.t + middle * h, *there) else (middle, high)
-        gaps = [
-            watch(
-                self.t + p * h,
-                (_weights(FROM_0, p) @ states).tolist(),
-                (_weights(NODES, p) @ unknowns).tolist(),
-                self.m,
-                self.b,
-            )
-            for p in (low, high)
-        ]
-        crossing = next((i for i, now in enumerate(gaps[1][0]) if now != self.b[i]), 0)
-        rate = (gaps[1][1][crossing] - gaps[0][1][crossing]) / (high - low)
-        near, guess, low, high, ends = 0.4 * self.blur * BEHIND * self.span / h, high, 0.0, most, None
-        for turn in range(60):
-            xs, ws = self.step(guess * h)
-            branches, values = self.looked(self.t + guess * h, xs[-1], ws[-1])
-            if branches != self.b:
-                high, ends = guess, (xs[-1], ws[-1])
-            else:
-                low, here = guess, (xs[-1], ws[-1])
-            if (high - low) * h <= self.blur * BEHIND * self.span:
-                break
-            guess = 0.5 * (low + high)
-            if rate and turn < 12 and turn % 4 < 3:
-                root = (high if branches != self.b else low) - values[crossing] / rate
-                guess = min(max(root + (-near if branches != self.b else near), low + 0.5 * near), high - 0.5 * near)
-        self.t, self.jacobian = self.t + (low if ends is None else high) * h, None
-        self.x, self.w = here if ends is None else ends  # the polynomial was wrong where all is as before
+        """Go just behind the change of a branch: by the polynomial, then by whole steps."""
+        _, _, states, unknowns = self.path
+
+        def drawn(place: float) -> Look:
+            x, w = _weights(FROM_0, place) @ states, _weights(NODES, place) @ unknowns
+            try:
+                branches, gaps = self.looked(self.t + place * h, x, w)
+            except Undecided:
+                branches, gaps = self.b, [math.nan] * len(self.b)
+            return Look(place, x, w, branches, np.array(gaps))
+
+        def gone(place: float) -> Look:
+            xs, ws = self.step(place * h)
+            branches, gaps = self.looked(self.t + place * h, xs[-1], ws[-1])
+            return Look(place, xs[-1], ws[-1], branches, np.array(gaps))
+
+        ends = [drawn(place) for place in bracket]
+        rate = (ends[1].gaps - ends[0].gaps) / (bracket[1] - bracket[0])
+        *ends, rate = self._narrowed(drawn, *ends, 0.5 * sum(bracket), rate, 1e-7)
+        bounds = replace(ends[0], place=0.0), replace(ends[1], place=bracket[1])
+        low, high, _ = self._narrowed(gone, *bounds, ends[1].place, rate, self.blur * BEHIND * self.span / h)
+        there = low if high is bounds[1] else high  # the polynomial was wrong where all is as before
+        self.t, self.jacobian = self.t + there.place * h, None
+        self.x, self.w = there.x, there.w
         self.b = self.looked(self.t, self.x, self.w)[0]
+
+    def _narrowed(
+        self, look: Any, low: Look, high: Look, guess: float, rate: Array, width: float
+    ) -> tuple[Look, Look, Array]:
+        """The looks before and behind the change of a branch, no further apart than `width`, and the rates of gaps: by their secants, or halfway."""
+        near, last, sizes = 0.4 * width, None, [math.inf] * 3
+        for _ in range(60):
+            here = look(guess)
+            behind = here.branches != self.b
+            low, high = (low, here) if behind else (here, high)
+            if last is not None:
+                rate = (here.gaps - last.gaps) / (here.place - last.place)
+            last = here
+            sizes.append(high.place - low.place)
+            if sizes[-1] <= width:
+                break
+            guess = 0.5 * (low.place + high.place)
+            roots = (here.place - here.gaps / rate)[np.not_equal(high.branches, self.b)]
+            roots = roots[(low.place - near <= roots) & (roots <= high.place + near)]
+            if len(roots) and sizes[-1] < 0.1 * sizes[-4]:
+                root = roots.min() + (-near if behind else near)
+                guess = min(max(root, low.place + 0.5 * near), high.place - 0.5 * near)
+        return low, high, rate
+
+
+@dataclass
+class Look:
+    """A look at the branches within a step: the place in it, state and unknowns there, the branches and their indicators."""
+
+    place: float
+    x: Array
+    w: Array
+    branches: list[float]
+    gaps: Array
+
+
+def _least(matrix: Array) -> Array:
+    """The inverse of what is not singular: the shortest answer to what can be answered, by two orthogonal decompositions."""
+    left, upper, order = qr(matrix, pivoting=True)
+    sizes = np.abs(np.diag(upper))
+    rank = int((sizes > 1e-14 * sizes.max(initial=0.0)).sum())
+    right, lower = qr(upper[:rank].T, mode="economic")
+    found = np.empty_like(matrix)
+    found[order] = right @ solve_triangular(lower, left[:, :rank].T, trans="T")
+    return found
 
 
 def _means(matrix: Array) -> tuple[Array, Array]:
@@ -650,6 +691,7 @@ def run(it: Course, steps: int) -> tuple[Array, Run]:
         events=[*it.state.events],
         factors={},
         jacobian=None,
+        parts=steps // COARSEST,
     )
     span, found = state.span, []
     timers = [replace(timer, waiting=[*timer.waiting]) for timer in it.timers]
@@ -776,7 +818,7 @@ def opinion(
 ) -> Opinion:
     """Steps are halved until the outputs change by less than `goal` of their magnitude, or are the `same` as others. Raises `Undecided` where they never do."""
     with np.errstate(all="ignore"):  # what is no number is looked for
-        it, steps, spent, before = course(system, begin, times, budget, blur), 16, 0, None
+        it, steps, spent, before = course(system, begin, times, budget, blur), COARSEST, 0, None
         while True:
             it.state.budget = budget - spent
             values, state = run(it, steps)

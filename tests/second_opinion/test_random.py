@@ -136,9 +136,11 @@ def test_models_that_were_once_wrong_or_refused(seed: int) -> None:
     assert verdict_on(network(seed)).kind == "agreed"
 
 
-def test_a_network_that_rests_until_its_source_begins() -> None:
-    """A valve in a network at rest: a look ahead beyond the instant at which the source begins told a motion, and the run could not go on there."""
-    assert verdict_on(network(9100936)).kind == "agreed"
+@pytest.mark.parametrize("seed", [9100936, 20000092])
+def test_a_source_that_begins_late_and_a_slip_within_one_step(seed: int) -> None:
+    """A valve in a network at rest: a look ahead beyond the instant at which the source begins told a motion, and the run could not go on there. A friction
+    that breaks loose and sticks within one step of all runs of the second opinion, which then had one error and no estimate of it."""
+    assert verdict_on(network(seed)).kind == "agreed"
 
 
 @pytest.mark.parametrize("valve", [False, True])
