@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 SCHEMA = "bondgraph-result/1"
 ARCHIVE, RUN = "bondgraph-run/1", "the run"  # schema of a file, and its array with everything but numbers
 NO_WARNINGS: Any = LaterField(())
+NO_EVENTS: Any = LaterField(())
 NO_CHECKPOINT: Any = LaterField(None)
 
 
@@ -65,7 +66,7 @@ class Result(OfModel, Exported):
     warnings: tuple[LimitLeft, ...] = NO_WARNINGS
     certificate: Certificate | None = None
     notes: tuple[str, ...] = ()
-    events: tuple[EventRecord, ...] = ()
+    events: tuple[EventRecord, ...] = NO_EVENTS
     stopped: str = ""
     checkpoint: Checkpoint | None = NO_CHECKPOINT
     truncation: TruncationReport | None = None
@@ -80,7 +81,7 @@ class Result(OfModel, Exported):
             raise ValueError(f"values have the shape {self.values.shape}, time and columns want {wanted}")
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "warnings": self.warnings, "checkpoint": self.checkpoint}
+        return {**self.__dict__, "warnings": self.warnings, "events": self.events, "checkpoint": self.checkpoint}
 
     @property
     def stopped_by(self) -> EventRecord | None:

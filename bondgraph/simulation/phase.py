@@ -63,6 +63,8 @@ class PhaseOptions:
 
     def at(self, values: Mapping[str, float]) -> PhaseOptions:
         """Return the same with other values."""
+        if values == self.values:
+            return self
         others = self.solver, self.bandwidth, self.parts, self.extremes
         return PhaseOptions(self.plan, self.rtol, self.atol, self.energy, values, *others)
 
@@ -150,7 +152,7 @@ class Phase:
         course = (
             find() if delayed else values.recall("timeline", (*whole, parts), find, lambda course: len(course.segments))
         )
-        course = replace(course, segments=aligned(course.segments, self.instants))
+        course = Timeline(aligned(course.segments, self.instants), course.notes)
         return RunProgram(values, course, given_tolerances(plan, program, self.compilation.facts))
 
     def _start(self) -> StartOfPhase:
@@ -191,8 +193,8 @@ class Phase:
             least = least_tolerances(mechanisms, self.constraints, self.looked_from, first, magnitude)
             absolute = np.maximum(absolute, least)
         held = np.full(len(self.state), atol is not None)
-        multipliers = [len(self.program.states.names) + m for m in self.program.eliminated]
-        absolute[multipliers] = np.inf  # multipliers follow from the states, and have no bound near a singular pose
+        for place in self.program.eliminated:  # of multipliers, which have no bound near a singular pose
+            absolute[len(self.program.states.names) + place] = np.inf
         for index, value in self.shared.given.items():
             absolute[index], held[index] = value, True
         self.shared.tolerances = Tolerances(rtol, absolute, magnitude, held)
@@ -395,13 +397,16 @@ class Phase:
 
         return checkpoint
 
-    @property
-    def occurrences(self) -> list[EventRecord]:
-        """Records of the events that acted."""
+    def occurrences(self) -> Callable[[], list[EventRecord]]:
+        """Return the function that makes the records of the events that acted."""
         if self.events is None:
-            return []
-        notes = self.events.hybrid.events
-        acted = [(h.time, i) for h in self.events.log for i in h.events if not notes[i].sampled]
-        places = self.program.kept.setdefault("places of events", {})
-        places |= {i: notes[i].span.file_and_line for i in {i for _, i in acted} - places.keys()}
-        return [EventRecord(t, notes[i].words, notes[i].owner, places[i], notes[i].stops) for t, i in acted]
+            return list
+        log, notes, kept = self.events.log, self.events.hybrid.events, self.program.kept
+
+        def records() -> list[EventRecord]:
+            acted = [(h.time, i) for h in log for i in h.events if not notes[i].sampled]
+            places = kept.setdefault("places of events", {})
+            places |= {i: notes[i].span.file_and_line for i in {i for _, i in acted} - places.keys()}
+            return [EventRecord(t, notes[i].words, notes[i].owner, places[i], notes[i].stops) for t, i in acted]
+
+        return records

@@ -166,13 +166,15 @@ class PhaseSequence:
 
             balance = added([leg.balance for leg in legs if leg.balance is not None])
         lacking = None if self.options.bandwidth is None else _left_out(legs, balance)
-        acted = tuple(chain.from_iterable([leg.occurrences for leg in legs]))
+        records = [leg.occurrences() for leg in legs]
+        acted = later(lambda: tuple(chain.from_iterable(find() for find in records)), halted is not None)
+        ends = [] if halted is None else _halts(acted)
         told = () if lacking is None else (lacking.sentence({column.name: column.unit for column in columns}),)
         found = Result(
             program.name, plan.experiment, time, columns, values, plan.report, _solver(program, legs),
             sum(leg.trajectory.steps for leg in legs), evaluations, self.options.rtol, clock.perf_counter() - self.began,
             balance, warnings, legs[0].compilation.certificate,
-            tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *_halts(acted)])),
+            tuple(dict.fromkeys([*(note for leg in legs for note in (*leg.start_notes, *leg.notes)), *told, *_impulses(legs), *ends])),
             acted, stopped, end, lacking, accuracy=self.accuracy, searched=_extremes(legs) if self.options.extremes else (),
         )  # fmt: skip
         if self.before is None:

@@ -115,7 +115,8 @@ class IntegrationState:
         self.flip: Flip | None = None  # zero crossing that ended the last segment early
         lags = () if problem.history is None else problem.history.lags
         # no step is longer than a period of a noise, or the shortest delay
-        self.longest = float(min((*np.abs(program.periods(constants)), *lags), default=np.inf))
+        periods = self.constraints.recall("periods", (), lambda: np.abs(program.periods(constants)).tolist())
+        self.longest = float(min((*periods, *lags), default=np.inf))
         self.program, self.constants, self.inputs = program, constants, problem.inputs
         self.instants, self.powers, self._tolerances = instants, problem.powers, problem.tolerances
         self.whole = float(instants[-1] - instants[0])  # length of the run, s
@@ -292,9 +293,8 @@ class IntegrationState:
 
     def grow(self, x: Array) -> None:
         """Update the largest magnitudes, which only a run with events reads."""
-        if self.events is not None:
-            peak = self.result.peak
-            self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
+        peak = self.result.peak
+        self.result.peak = np.abs(x) if peak is None else np.maximum(peak, np.abs(x))
 
     def check_runaway(self, time: float, x: Array) -> None:
         """Raise `RunFailed` if a sampled loop grows without bound; only integrators with events do."""

@@ -190,7 +190,8 @@ class NativeIntegrator:
         stepper.count(solver.evaluations)
         stepper.result.rounded = max(stepper.result.rounded, record.rounded)
         stepper.tell_crawling(solver, record.steps, self.stretch)
-        stepper.grow(solver.greatest * self.tolerances.magnitude)
+        if stepper.events is not None:
+            stepper.grow(solver.greatest * self.tolerances.magnitude)
         if stepper.flip is not None:
             stepper.grow(stepper.flip.state)
             return stepper.flip.state

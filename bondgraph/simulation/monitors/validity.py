@@ -24,6 +24,13 @@ BISECTIONS = 60
 StateAt = Callable[[Any], Any]  # instants (k,) -> states (k, n)
 
 
+def _places(program: Program) -> list[slice]:
+    """Return the places of the values of each limit."""
+    ends = accumulate((len(note.values) for note in program.limits), initial=0)
+    places = program.kept["places of limits"] = [slice(a, b) for a, b in pairwise(ends)]
+    return places
+
+
 class ValidityMonitor:
     """Monitor of a program's limits during a run."""
 
@@ -31,8 +38,7 @@ class ValidityMonitor:
         self.program, self.fixed, self.rtol = program, (inputs, constants), rtol
         self.left: dict[int, LimitLeft] = {}
         self.moves, self.begun = program.watched, False
-        ends = accumulate((len(note.values) for note in program.limits), initial=0)
-        self.places = [slice(a, b) for a, b in pairwise(ends)]
+        self.places: list[slice] = program.kept.get("places of limits") or _places(program)
 
     @property
     def warnings(self) -> tuple[LimitLeft, ...]:

@@ -220,7 +220,9 @@ def rest_of(stretches: list[Segment], start: float) -> list[Segment]:
 def aligned(stretches: list[Segment], instants: Array) -> list[Segment]:
     """Return the segments with ends moved down to reported instants that differ from them by rounding: values hold from a jump on."""
     edges, parts = [s.start for s in stretches[1:]], list(stretches)
-    below = np.maximum(np.searchsorted(instants, edges) - 1, 0)
+    if not edges:
+        return parts
+    below = np.maximum(instants.searchsorted(edges) - 1, 0)
     for i, (edge, near) in enumerate(zip(edges, instants[below].tolist(), strict=True)):
         if stretches[i].start < near < edge and edge - near <= ROUNDING * ulp(edge):
             parts[i] = parts[i].up_to(parts[i].start, near)
@@ -345,6 +347,8 @@ def mode_size(program: Program, constants: Array) -> int:
 
 def mode_after(program: Program, constants: Array, instant: float, last: Segment) -> Any:
     """Return the conditions just after the end of a run, which an output at a jump shows (values hold from the jump on)."""
+    if program.hybrid is None and not len(last.mode):
+        return last.mode
     later = max(1e-10 * (last.stop - last.start), 4 * ROUNDING * float(np.spacing(abs(instant))))
     return with_time_of(program, _mode(program, constants, instant + later), last.mode)
 

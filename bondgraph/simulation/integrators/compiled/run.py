@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .constraint_functions import CompiledConstraints
     from .plain import Plain
 
+SMALL_MODEL = 64  # states; steps of smaller ones take some microseconds
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
 OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
 WRITTEN = "state", "absolute", "peak", "mode"  # given arrays into which machine code writes
@@ -357,7 +358,8 @@ def steps(
     `MORE` after `pause` steps of the segment, in Python after each step. `look` checks the limits of the model in the last step, and returns the
     violated ones. `passed`: the events that machine code passes, with the steps of segments that they end. Raises `StepFailed`.
     """
-    several, answer, record = 64 if solver.native else 1, MORE, solver.record
+    answer, record = MORE, solver.record
+    several = 1 if not solver.native else 1024 if record.n <= SMALL_MODEL else 64
     through = None if passed is None else passed.advance
     while answer == LOOK or (answer == MORE and record.steps < pause):
         count = record.steps if passed is None else record.steps + passed.record.steps
