@@ -72,12 +72,14 @@ _ROWS = (
         of_value=("f = {}",),
     ),
     ElementKind(
-        "C", Kind.CAPACITOR, "storage", "eq", "F = k*x", "effort and displacement", "Loss belongs in an R beside it, mass in an I.",
+        "C", Kind.CAPACITOR, "storage", "eq", "F = k*x", "effort and displacement",
+        "Its flow is the rate of the displacement: `F = k*x`, `q = 2 [uF]*u`. Loss belongs in an R beside it, mass in an I.",
         stored="q", stored_words="displacement", readable="efq", places="UDRL",
         of_value=("q = {}*e", "e = {}*q"),
     ),
     ElementKind(
-        "I", Kind.INERTIA, "storage", "fp", "p = m*v", "flow and momentum", "Loss belongs in an R beside it, stiffness in a C.",
+        "I", Kind.INERTIA, "storage", "fp", "p = m*v", "flow and momentum",
+        "Its effort is the rate of the momentum: `p = m*v`, `lambda = L*i`. Loss belongs in an R beside it, stiffness in a C.",
         stored="p", stored_words="momentum", readable="efp", places="UDRL",
         of_value=("p = {}*f",),
     ),

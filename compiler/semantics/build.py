@@ -18,7 +18,7 @@ from ..syntax import SyntaxTree, parse, parse_expression, tree
 from ..syntax.blocks import flat
 from .experiments.initial_values import read_initial_values
 from .experiments.plan import choose_experiment, experiment_overrides, experiments_of, read_plan
-from .names.compound_units import in_one_literal, names_in
+from .names.compound_units import in_one_literal, names_in, with_readings
 from .names.domain_table import slot_defaults, wall_items
 from .names.errors import AbsentName, NoSingleModel, UnknownName, WrongConnection
 from .names.imports import Loader
@@ -68,7 +68,7 @@ def build_graph(
     opened = _Opened.of(definition, scene, loader.diagnostics, False, ElaborationCache(most_parts))
     built = opened.built()
     if opened.elaborator.diagnostics:
-        raise CompilationFailed(opened.elaborator.diagnostics)
+        raise CompilationFailed(with_readings(opened.elaborator.diagnostics, syntax))
     others = [scope for scope in loader.files.values() if scope is not file]
     sheets = [sheet.source for scope in (file, *others) for sheet in scope.sheets.values()]
     return replace(built, files=(*(scope.source for scope in others), *sheets))
@@ -153,7 +153,7 @@ def check_parts(
         whole = checked.built if definition is main else whole
         diagnostics += checked.diagnostics
     diagnostics += check_sets(file, known)
-    return Checked(diagnostics, None if diagnostics else whole)
+    return Checked(with_readings(diagnostics, syntax), None if diagnostics else whole)
 
 
 @dataclass(frozen=True, slots=True)

@@ -137,7 +137,7 @@ def _hint(problem: Unreadable, source: Source, otherwise: str = "") -> str:
     special = special or advice_on(source.line(line), start - begin, inside) or otherwise
     if not special and line > 1 and not before:  # what the line before began
         special = advice_on(source.line(line - 1), len(source.line(line - 1)), inside)
-    special = special or ("" if word is None else _missing(word, expected, before))
+    special = special or ("" if word is None else _missing(word, expected, before, source.text[start:]))
     if special:
         return special
     words = sorted(
@@ -164,13 +164,15 @@ def _special(token: Token, expected: set[str], before: str) -> str:
     text = str(token)
     if text == "import" and "MODEL" not in expected:
         return "An import stands at the top of the file, outside of models."
+    if "LBRACE" in expected and (head := re.fullmatch(r"\s*((?:plain\s+)?model\s+\w+)", before)):
+        return f"What belongs to it stands in braces: `{head[1]} {{ … }}`."
     if text in _IN_A_MODEL and "MODEL" in expected:
         return f"It belongs into a model: `model Name {{ {text} … }}`; outside of models stand imports, constants and functions."
     if re.search(r"(?<![A-Za-z0-9_])[0-9]+_[0-9_]+$", before):
         return "Digits stand without separators: `1000`."
     if text == "*" and before.endswith("*"):
         return "A power is written `^`: `a^2`."
-    if text == "=" and "=" in before:
+    if text == "=" and "=" in before.rsplit(";", 1)[-1]:
         return "A comparison is written `==`; a statement has one `=`."
     if text == "." and re.search(r"[0-9]$|[^A-Za-z0-9_\])]$", before):
         return "A number has digits on both sides of its point: `0.5`, `5.0`."
@@ -178,6 +180,8 @@ def _special(token: Token, expected: set[str], before: str) -> str:
     if conditional:
         return conditional
     if re.match(r"\s*import\b", before + " "):
+        if text == ".":
+            return 'An import names parts and a file: `import Resistor from electric`, `import Motor from "parts.bg"`.'
         return "An import stands at the top of the file, outside of models."
     alone = re.fullmatch(r"\s*[01]\(([^()]+)\)", before)
     if alone and token.type != "NAME" and len(inside := alone[1].rsplit(",", 1)) == 2:
@@ -199,14 +203,16 @@ def _conditional(text: str, expected: set[str], before: str) -> str:
     return ""
 
 
-def _missing(token: Token, expected: set[str], before: str) -> str:
+def _missing(token: Token, expected: set[str], before: str, after: str) -> str:
     """Advice where two words follow each other that cannot."""
-    text = str(token)
     if token.type not in ("NAME", "NUMBER") or "NAME" in expected:
         return ""
-    number_with_unit = re.search(r"(?<![A-Za-z0-9_.])[0-9][0-9.]*(?:[eE][+-]?[0-9]+)?[ \t]+([A-Za-z_]\w*)$", before)
-    if number_with_unit and token.type == "NAME":
-        return f"A unit of several symbols stands in brackets: `2 [{number_with_unit.group(1)}*{text}]`."
+    number_with_unit = re.search(r"(?<![A-Za-z0-9_.])([0-9][0-9.]*(?:[eE][+-]?[0-9]+)?)[ \t]+([A-Za-z_]\w*)$", before)
+    factor = re.match(r"[A-Za-z_]\w*(?:\^-?[0-9]+)?", after)
+    if number_with_unit and factor:
+        return f"A unit of several symbols stands in brackets: `{number_with_unit[1]} [{number_with_unit[2]}*{factor[0]}]`."
+    if "MODEL" in expected:
+        return "Outside of models stand imports, constants, functions and sets of parameters; all else stands in `model Name { … }`."
     if token.type == "NAME" and re.search(r"[A-Za-z_\])]\w*$", before):
         return "Is an operator, a comma or a line break missing before it? A unit follows a number only; a name has its own."
     return "Is an operator, a comma or a line break missing before it?"

@@ -96,6 +96,18 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("I coil : 2 kg", "`I coil : p = 2 kg*f`", "I coil : p = 2 kg*f; body -> coil"), ("I coil : m", "`I coil : p = m*f`", "I coil : p = m*f; body -> coil"), ("C soft : 1/k", "`C soft : q = (1/k)*e` or", "C soft : q = (1/k)*e; body -> soft"),
     ("C soft : k", "`C soft : e = k*q`", "C soft : e = k*q; body -> soft"), ("Se push : 5 N", "`Se push : e = 5 N`", "Se push : e = 5 N; push -> body"), ("R slow : 2 [N*s/m]", "`R slow : e = 2 [N*s/m]*f`", "R slow : e = 2 [N*s/m]*f; body -> slow"),
     ("TF lever : 3", "`TF lever : e2 = 3*e1`", "TF lever : e2 = 3*e1; 1 other : translation; body -> lever -> other"), ("1 other : 0", "`1 other : translation`", "1 other : translation; body -> other"),
+    ("real k2 = 100 {N/m};", "`parameter k2 = 100 [N/m]`", "parameter k2 = 100 [N/m]"), ("parameters", "Each line says itself what it is", ""), ("real d2 = 0.5 {N.s/m};", "`parameter d2 = 0.5 [N*s/m]`", "parameter d2 = 0.5 [N*s/m]"),
+    ("real global g = 9.81;", "`parameter g = 9.81;`", "parameter g = 9.81"), ("k2 = {100, 'N/m'};", "`parameter k2 = 100 [N/m]`", "parameter k2 = 100 [N/m]"), ("p.e = int(p.f)/C;", "`C spring : e = k*q`", ""),
+    ("GY Km : p1.e = 0.05*p2.f; p2.e = 0.05*p1.f", "`GY Km : e1 = K*f2`", ""), ("m*der(v) = -k*x;", "`I mass : p = m*v`", ""), ("der(x) = v;", "`signal x = integral(v, start)`", "signal way = integral(mass.v, 0 m)"),
+    ("u - Ra - La - Jm", "`u -> 1(Ra, …)`", ""), ("when mass.v < 0 { reinit(mass.v, -n*pre(mass.v)) }", "`mass.v = -n*pre(mass.v)`", "when mass.v < 0 { mass.v = -n*mass.v }"),
+    ("elsewhen mass.v < 0 { mass.v = 0 }", "a `when` of its own", "when mass.v < 0 { mass.v = 0 }"), (".param R=1k C=1u", "`parameter R = 1k`", ""), (".print tran v(out)", "`report u in mV`", ""),
+    ("s = tf('s')", "TransferFunction2", ""), ("A = [0 1; -100 -0.5];", "`parameter A = [[1, 2], [3, 4]]`", "parameter A = [[0, 1], [-100, -0.5]]"), ("resistor Ra = R", "`R Ra : u = 2 ohm*i`", ""),
+    ("Gear G1 (ratio = 10);", "`Gear G1 { ratio = 10 }`", ""), ("Gain K(2)", "`Gain K { r = 10 ohm }`", ""), ("Gain K { k = 2 }", "`signal y = 2*u", "signal y = 2*n"), ("Ground g", "`Se earth : u = 0 V`", ""),
+    ("Se push : F = 1 N.m", "`1 N*m`", ""), ("submodel Motor { }", "`model Name { … }`", ""), ("parameter A2 = 2 m2", "`[m^2]`", "parameter A2 = 2 m^2"), ("parameter rho = 1000 kg/m3", "`^`, `m^3`", "parameter rho = 1000 [kg/m^3]"),
+    ("parameter J = 1e-4 kg m^2", "`1e-4 [kg*m^2]`", "parameter J = 1e-4 [kg*m^2]"), ("I mass2 : F = m*a", "rate of the momentum", "I mass2 : p = m*v; body -> mass2"), ("R r2 : F = 2 [N*s]*w", "`omega`", ""),
+    ("multibody arm : planar { body bob { mass = 1 kg }; revolute pin : ground to bob }", "`hinge`", ""), ("multibody arm : planar { body bob { mass = 1 kg }; hinge pin : ground -> bob }", "`ground to bob`", ""),
+    ("multibody arm : planar { body bob { mass = 1 kg, inertia = 1 [kg*m^2] }; hinge pin : ground to bob }\n  output phi = pin.phi", "`arm.pin`", "multibody arm : planar { body bob { mass = 1 kg, inertia = 1 [kg*m^2] }; hinge pin : ground to bob }\n  output phi = arm.pin.phi"),
+    ("0 far; R r2 : F = 2 [N*s/m]*v; body -> r2 -> far", "`-> 1(r2) -> far`", ""), ("experiment e { simulate 0:0.01:5 }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
 ]  # fmt: skip
 
 
@@ -119,3 +131,15 @@ def test_the_advice_names_what_is_meant_and_works(line: str, words: str, followe
 
 def test_there_are_many() -> None:
     assert len({line for line, _, _ in CASES}) >= 150
+
+
+WHOLE = [  # texts outside of a model, and what is told of them
+    ("import Modelica.Electrical.Analog.Basic.Resistor;\nmodel A { }", "`import Resistor from electric`"), ("component spring\n  nodes\n", "`model spring { … }`"),
+    ("* RC low pass\nR1 in out 1k\n", "A comment begins with `#`"), ("model Osc:\n    C spring : F = k*x\n", "`model Osc { … }`"), ("def force(x):\n    return k*x\n", "`function force(x) = 2*x`"), ("C spring : F = force(x)\n", "all else stands in `model Name { … }`"),
+    ("model A { parameter m = 1 kg, k = 100 N/m; C spring : F = k*x; Se push : F = 1 N; push -> spring }", "write `100 [N/m]`"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "words"), WHOLE, ids=[words for _, words in WHOLE])
+def test_the_advice_on_a_whole_file(text: str, words: str) -> None:
+    assert any(words in d.help for d in check(Source("text", text), None, LIBRARY))

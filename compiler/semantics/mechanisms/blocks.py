@@ -11,6 +11,7 @@ from ...graph.network import Reading, Requirement
 from ...graph.units import METRE, SECOND
 from ...syntax import tree
 from ..names.errors import UnknownAttribute, UnknownName, WrongMechanism, WrongType
+from ..names.foreign_words import OTHER_JOINTS
 from ..names.part_kinds import instead_in_the_plane, kinds_of, noun_of
 from ..names.scope import Array, Broken, DeclaredPart, MechanismEntry, PartEntry, Scope
 from ..names.statement_errors import Wrong, suggestion
@@ -75,7 +76,9 @@ def _declare_part(elaborator: Declarations, scope: Scope, statement: tree.Declar
     if kind not in kinds:
         listed = f"In it stand body, frame, and the joints {', '.join(kinds[2:])}."
         what = f"A {'planar' if planar else 'spatial'} mechanism has no `{kind}`"
-        raise Wrong(WrongMechanism(statement.span, what, suggestion(kind, list(kinds), listed)))
+        other = OTHER_JOINTS.get(kind.lower())
+        hint = f"It is written `{other}`." if other in kinds else suggestion(kind, list(kinds), listed)
+        raise Wrong(WrongMechanism(statement.span, what, hint))
     ports = {f: DOMAINS[domain_of(f"{kind}.{f}")] for f in freedoms_of(kind, planar)}
     groups = {"reaction": found} if (found := reactions_of(kind, planar)) else {}
     if kind == "body" and not planar:

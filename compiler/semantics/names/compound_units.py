@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import fields, replace
 from fractions import Fraction
 from itertools import takewhile
 from typing import Any, TypeVar
 
+from ...errors import Diagnostic
 from ...graph.domains import DOMAINS
 from ...graph.units import UNITS
 from ...source import Source, Span
 from ...syntax import SyntaxTree, tree
 from ...syntax.blocks import nodes_in
 from ...syntax.build import MAXIMUM_UNIT_POWER
+from .errors import DimensionMismatch
 
 _CANDIDATE = re.compile(
     r"\d\s*[A-Za-z%\u03a9\u2126\u00b5\u03bc]+\s*(?:[*/]\s*([A-Za-z]\w*)\b(?!\s*(?:\.(?!\.)|[(\[]))|(\^))"
@@ -166,6 +168,18 @@ def unit_notes(syntax: SyntaxTree) -> Iterator[str]:
     """Notes on products in which a number with a unit is followed by names that are also symbols of units."""
     if _has_candidate(syntax.source.text):
         yield from ambiguous_products(syntax.statements, syntax.source)
+
+
+def with_readings(diagnostics: Sequence[Diagnostic], syntax: SyntaxTree) -> list[Diagnostic]:
+    """The same errors, where the first one of units names such products: beside a mass `m` the units of `100 N/m` are told as those of 100 N."""
+    found = list(diagnostics)
+    first = next((i for i, item in enumerate(found) if isinstance(item, DimensionMismatch)), None)
+    if first is not None and (notes := [note for note, _ in zip(unit_notes(syntax), range(2), strict=False)]):
+        item = found[first]
+        assert isinstance(item, DimensionMismatch)
+        told = "".join(f"In {note.replace(': ', ' ', 1)}. " for note in notes)
+        found[first] = replace(item, hint=told + item.hint)
+    return found
 
 
 def setting_notes(settings: Iterable[Any], names: Callable[[], Set[str]], home: Source) -> Iterator[str]:

@@ -22,6 +22,7 @@ _ASIDE = "Write its argument alone: where a condition changes, integration stops
 _LISTED = "A list is written out, `(0, 0, 0)`, or one number in each round, `for i in 1..3 { constant a[i] = 0 }`."
 _SHOWN = "What is to be seen is an output, `output y = x`, and an experiment reports it."
 _TO_ZERO = "Down it is `floor(a)`, towards zero `sign(a)*floor(abs(a))`."
+_RATE = "Declare it; an angular velocity is `omega`, of the sides of a TF or GY `omega1`, `omega2`."
 _SUM = "Numbers of a list are added by `dot(x, (1, 1, 1))`."
 FUNCTIONS = {
     "ddt": _RATES, "diff": _RATES, "derivative": _RATES, "deriv": _RATES, "int": _INTEGRAL, "integrate": _INTEGRAL, "idt": _INTEGRAL,
@@ -50,18 +51,16 @@ FUNCTIONS = {
     "fmod": "A remainder is `mod(x, length)`, of two quantities of one unit.",
     "pre": "In an event the right sides read the values before it: write the name alone.",
 }  # fmt: skip
+OTHER_JOINTS = {
+    "revolute": "hinge", "pivot": "hinge", "pin": "hinge", "rotational": "hinge", "prismatic": "slide", "slider": "slide", "translational": "slide",
+    "fixed": "weld", "rigid": "weld", "spherical": "ball", "cylindrical": "cylinder", "cardan": "universal", "part": "body", "link": "body", "mass": "body",
+}  # fmt: skip
 NAMES = {
-    "t": "Time is `time`.",
-    "PI": "It is written `pi`.",
-    "Pi": "It is written `pi`.",
-    "e": "Euler's number is `exp(1)`.",
-    "inf": "No number is infinite.",
-    "Inf": "No number is infinite.",
-    "NaN": "Every number has a value.",
-    "True": "It is written `true`.",
-    "False": "It is written `false`.",
-    "Time": "Time is `time`.",
-}
+    "w": _RATE, "w1": _RATE, "w2": _RATE, "torque": "Declare it; a torque is `M`.", "tau": "Declare it; a torque is `M`.",
+    "force": "Declare it; a force is `F`.", "t": "Time is `time`.", "PI": "It is written `pi`.", "Pi": "It is written `pi`.",
+    "e": "Euler's number is `exp(1)`.", "inf": "No number is infinite.", "Inf": "No number is infinite.", "NaN": "Every number has a value.",
+    "True": "It is written `true`.", "False": "It is written `false`.", "Time": "Time is `time`.",
+}  # fmt: skip
 _UNIT_WORDS = {
     "second": "s", "sec": "s", "minute": "min", "hour": "h", "hr": "h", "meter": "m", "metre": "m", "gram": "g", "newton": "N", "volt": "V",
     "amp": "A", "ampere": "A", "ohm": "ohm", "farad": "F", "henry": "H", "watt": "W", "joule": "J", "pascal": "Pa", "hertz": "Hz", "hz": "Hz",
@@ -78,6 +77,7 @@ _PREFIX_WORDS = {
     "meg": "M",
     "giga": "G",
 }
+_POWER = re.compile("(?:[num]?[ms]|cm|dm|km)[234]")  # as `m2` for m^2
 _JUNCTION = re.compile(r"(?P<one>one|j1|1)|(?P<zero>zero|j0|0)|.*junction", re.IGNORECASE)
 
 
@@ -94,6 +94,8 @@ def unit_advice(symbol: str) -> str:
     symbol = _PREFIX_WORDS.get(symbol.lower(), symbol)
     if symbol in PREFIXES:
         return f"A prefix stands before a unit: `10 {symbol}ohm`."
+    if _POWER.fullmatch(symbol):
+        return f"A power is written with `^`: `[{symbol[:-1]}^{symbol[-1]}]`."
     notation = re.fullmatch(r"([pnumkMG])(\d+)", symbol)
     if notation:
         return f"A prefix stands before a unit, and a point between digits: `4.{notation[2]} {notation[1]}ohm`."
@@ -122,16 +124,25 @@ def name_advice(name: str) -> str:
     """Return the advice for a name that is not declared; empty if nothing is known of it."""
     if name in NAMES:
         return NAMES[name]
+    if _POWER.fullmatch(name):
+        return f"A power of a unit is written with `^`, `{name[:-1]}^{name[-1]}`; a quantity is declared with `parameter`, `constant`, `signal` or `input`."
     unit = name if name in UNITS else _unit_of(name.lower())
-    return f"As a part of a unit it stands in brackets behind the number: `5 [N*{unit}]`." if unit else ""
+    return f"Declare it; as a part of a unit it stands in brackets behind the number: `5 [N*{unit}]`." if unit else ""
 
 
+_SIGNAL = "Blocks are expressions: `signal y = 2*u - integral(x, 0 s)`; parts of controllers are in the library, `bondgraph library control`."
+_OUTSIDE = "A model stands outside of other models, `model Name { … }`, and an instance in them, `Name part`."
+_SOURCE = "A source is an element: `Se supply : u = 5 V*sin(2*pi*50 Hz*time)`."
 _TYPED = "A number with a name is declared, `parameter c = 3`; what changes is a signal, `signal s = …`, what events change a `mode`."
 KINDS = {
     "real": _TYPED, "boolean": _TYPED, "integer": _TYPED, "global": "What all models of a file share is a `constant` of the file.",
     "extends": "A model contains others: an instance is declared as `Base part`, and its ports are bonded.",
     "within": "A file holds models, without packages.", "package": "A file holds models, without packages.",
     "end": "Statements stand between the braces of `model Name { … }`, in any order.",
+    "submodel": _OUTSIDE, "component": _OUTSIDE, "class": _OUTSIDE, "block": _OUTSIDE,
+    "gain": _SIGNAL, "sum": _SIGNAL, "product": _SIGNAL, "step": _SIGNAL, "saturation": _SIGNAL, "integrator": _INTEGRAL, "scope": _SHOWN,
+    "voltagesource": _SOURCE, "constantvoltage": _SOURCE, "sinevoltage": _SOURCE, "stepvoltage": _SOURCE,
+    "ground": "What is held at zero is a source: `Se earth : u = 0 V`.",
     "switch": "A choice is `a if condition else b`, of parts `if … { … } else { … }`.",
     "clear": "A file holds models; each run begins from nothing.",
     "syms": "Names need no declaration as symbols: a `parameter` has a value, what changes is a `signal`.",

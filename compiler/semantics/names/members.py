@@ -188,8 +188,12 @@ def not_a_number(entry: Entry, path: tree.PathSyntax) -> Wrong:
             what, hint = f"the port `{name}`", f"Read its effort or flow: {letters}."
         case InstanceEntry(word="set", scope=scope):
             what, hint = f"the set `{name}`", f"Read one of its members: `{name}.{next(iter(scope.entries), 'E')}`."
-        case InstanceEntry():
-            what, hint = f"the instance `{name}`", "Read something in it: an output, or the variable of an element."
+        case InstanceEntry(scope=scope):
+            roles = [
+                s for s in scope.definition.model.statements if isinstance(s, tree.Quantities) and s.role == "output"
+            ]
+            outputs = ", ".join([f"`{name}.{item.name}`" for s in roles for item in s.items][:5]) or "an output"
+            what, hint = f"the instance `{name}`", f"Read something in it: {outputs}, or the variable of an element."
         case GroupEntry(part=part, name=group):
             first, last = part.groups[group][0], part.groups[group][-1]
             what, hint = f"the {group} of `{part.name}`", f"Read one of its components: `{name}.{first}` to `.{last}`."

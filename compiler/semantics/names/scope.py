@@ -302,6 +302,15 @@ class Scope:
             yield from scope.entries
             scope = scope.outer
 
+    def where_else(self, name: str) -> str:
+        """Advice where a mechanism or an instance has that name inside; empty if none has."""
+        for outer in self.names():
+            entry = self.find(outer)
+            inner = entry.parts if isinstance(entry, MechanismEntry) else getattr(entry, "scope", None)
+            if isinstance(inner, Scope) and name in inner.entries:
+                return f"It stands in `{outer}`: write `{outer}.{name}`."
+        return ""
+
     def readable(self) -> Iterator[str]:
         """Names that denote numbers."""
         for name in self.names():

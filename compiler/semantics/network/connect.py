@@ -114,6 +114,8 @@ class Connector:
             if target.kind in ELEMENTS and ELEMENTS[target.kind].receives:
                 both = f"({word}, {target.words})"
                 hint = f"A chain of bonds ends there. What shares a flow stands at a 1-junction, `1{both}`, what shares an effort at a 0-junction, `0{both}`."
+            elif {*source.terminals.values()} & {segment.head for segment in self.segments}:
+                hint = f"A chain of bonds ends there. What lies between two places hangs on a 1-junction between them: `-> 1({word}) -> {target.words}`."
             raise Wrong(WrongConnection(tail.span, f"An arrow out of `{word}`", hint))
         multi = source.multi or target.multi
         if arrow == "->" and multi:

@@ -268,7 +268,7 @@ class MemoryResolver(Resolver):
                 )
                 hint = unit_hint(value.dimension, wanted)
                 if parts_of(start)[number or 0].dimension is None:
-                    hint = f"Give its start the unit: `0 [{value.dimension * SECOND}]`."
+                    hint = f"Give its start the unit: `0 [{value.dimension * SECOND}]`; or, as a rate is per time, divide it by a time, `(…)/1 s`."
                 raise Wrong(DimensionMismatch(part.span, what, hint))
             bounds.append(self.bind(template, template.formulas[number or 0], scope))
         self.require_static(self.template(call.arguments[1], scope), scope, "The start of an integral")

@@ -335,7 +335,7 @@ class Resolver(ABC):
             here = scope.names() if path.steps else scope.readable()  # an element may be before a point
             names = chain(here, scope.definition.file.constants)
             hint = suggestion(path.head, names, "Declare it with `parameter`, `constant`, `signal` or `input`.")
-            hint = hint if path.steps else name_advice(path.head) or hint
+            hint = (scope.where_else(path.head) if path.steps else name_advice(path.head)) or hint
             raise Wrong(UnknownName(path.span, path.head, f"`{scope.definition.name}`", hint))
         name = path.head
         for step in path.steps:
