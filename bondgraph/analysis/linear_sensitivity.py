@@ -154,7 +154,7 @@ def linear_sensitivity(point: OperatingPoint, inputs: tuple[str, ...], parameter
     slopes = np.array([changes[:, i, j] for i, j in places]).reshape(len(names), len(parameters))
     return Sensitivity(
         linear.model, linear.experiment, tuple(names), parameters, np.array([values[p] for p in places]), moving.at,
-        slopes, units,
+        slopes, units, (),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, Leaf, symbols
+from compiler.api import Array, Leaf, Reported, symbols
 
 from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
@@ -64,6 +64,7 @@ class RunSensitivity(OfModel, Summarised):
     values: Array
     slopes: Array
     units: Mapping[str, str]
+    report: tuple[Reported, ...]
 
     def of(self, output: str, parameter: str) -> Array:
         """Return one derivative over time (t,). Raises `UsageError`."""
@@ -116,7 +117,8 @@ def run_sensitivity(
     units = dict(zip(program.outputs.names, program.outputs.units, strict=True))
     units |= {n: q.unit for n, q in made.compilation.whole_graph.quantities.items() if n in by}
     return RunSensitivity(
-        program.name, plan.experiment, instants, program.outputs.names, by, flow.point(flow.leg.state, flow.begins).values_of(by), values, slopes, units
+        program.name, plan.experiment, instants, program.outputs.names, by, flow.point(flow.leg.state, flow.begins).values_of(by), values, slopes,
+        units, plan.report,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, Leaf
+from compiler.api import Array, Leaf, Reported
 
 from ..errors import RunFailed, UsageError
 from ..numerics.scales import EPS, nonzero
@@ -52,6 +52,7 @@ class Sensitivity(OfModel, Summarised):
     at: Array
     slopes: Array
     units: Mapping[str, str]
+    report: tuple[Reported, ...]
 
     def of(self, quantity: str, parameter: str) -> float:
         """Return one derivative. Raises `UsageError`."""
@@ -147,7 +148,7 @@ def sensitivity(point: OperatingPoint, of: tuple[str, ...]) -> Sensitivity:
     units |= {n: q.unit for n, q in point.compilation.whole_graph.quantities.items() if n in point.by}
     return Sensitivity(
         linear.model, linear.experiment, tuple(names), point.by, np.array(values), linear.u,
-        np.array(slopes, dtype=float).reshape(len(names), len(point.by)), units,
+        np.array(slopes, dtype=float).reshape(len(names), len(point.by)), units, point.compilation.plan.report,
     )  # fmt: skip
 
 

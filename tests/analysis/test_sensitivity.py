@@ -66,6 +66,9 @@ def test_oscillator() -> None:
     )
     assert json.loads(json.dumps(found.to_json(), allow_nan=False))["schema"] == "bondgraph-sensitivity/1"
     assert "percent" in found.summary()
+    shown = bondgraph.load(text.replace("output x", "output x: mm"))
+    assert " 140 mm " in shown.sensitivity().summary()
+    assert "  [mm]/[N]  " in shown.sensitivity_of_run("load", to="1 s", points=2).summary()
 
 
 def test_the_point_of_rest_moves_the_modes() -> None:

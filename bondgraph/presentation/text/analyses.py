@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ...analysis.modes import Mode, Modes
     from ...analysis.outcome import Outcome
     from ...analysis.response import Response
+    from ...analysis.run_sensitivity import RunSensitivity
     from ...analysis.sensitivity import Sensitivity
     from ...analysis.verdict import Verdict
 
@@ -41,10 +42,10 @@ def title(model: str, experiment: str | None, what: str) -> str:
     return visible(f"{model}{f': {experiment}' if experiment else ''}, {what}")
 
 
-class _Shown:
+class ReportedUnits:
     """Unit, scale and offset of numbers by name: as the experiment reports them, else in SI."""
 
-    def __init__(self, found: Equilibrium | Branch | Inversion | FeedForward) -> None:
+    def __init__(self, found: Equilibrium | Branch | Inversion | FeedForward | Sensitivity | RunSensitivity) -> None:
         self._units = found.units
         self._reported = {r.name: (r.unit, r.scale, r.offset) for r in found.report}
 
@@ -64,7 +65,7 @@ class _Shown:
 def equilibrium_text(found: Equilibrium) -> str:
     """Return outputs, states and unknowns, and the stability."""
     rows: list[tuple[str, ...]] = []
-    shown = _Shown(found)
+    shown = ReportedUnits(found)
     for word in ("outputs", "states", "unknowns"):
         values: Mapping[str, float] = getattr(found, word)
         rows += [(word, "", "")] if values else []
@@ -234,10 +235,10 @@ def outcome_text(found: Outcome) -> str:
 def sensitivity_text(found: Sensitivity) -> str:
     """Return for each quantity its value, then the effect of one percent of each parameter, the largest first."""
     rows = [("", "value", "by", "slope in SI", "percent per percent")]
-    relative = np.nan_to_num(found.relative)
+    relative, shown = np.nan_to_num(found.relative), ReportedUnits(found)
     for i, name in enumerate(found.quantities):
         order = sorted(range(len(found.parameters)), key=lambda j: -abs(relative[i, j] or found.slopes[i, j]))
-        head = (short(name, 30), f"{found.values[i]:.6g} {shown_unit(found.units[name])}".rstrip())
+        head = (short(name, 30), f"{shown.of(name, found.values[i]):.6g} {shown.unit(name)}".rstrip())
         for j in [j for j in order if found.slopes[i, j] != 0 and not 0 < abs(relative[i, j]) < ROUNDING][:STRONGEST]:
             share = f"{found.relative[i, j]:.4g}" if np.isfinite(found.relative[i, j]) else ""
             rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))
@@ -250,7 +251,7 @@ def sensitivity_text(found: Sensitivity) -> str:
 def branch_text(found: Branch) -> str:
     """Return folds and losses of stability, and some points in between."""
     names = [found.parameter, *list(found.outputs)[: WIDEST - 1]]
-    shown = _Shown(found)
+    shown = ReportedUnits(found)
     rows: list[tuple[str, ...]] = [("", *(short(n, 24) for n in names)), ("", *map(shown.unit, names))]
     for s in found.special:
         rows.append((s.kind, f"{s.value:.9g}", *(f"{shown.of(n, s.outputs[n]):.9g}" for n in names[1:])))
@@ -271,7 +272,7 @@ def branch_text(found: Branch) -> str:
 
 def inversion_text(found: Inversion) -> str:
     """Return the inputs, and the outputs with their targets."""
-    shown = _Shown(found)
+    shown = ReportedUnits(found)
     rows: list[tuple[str, ...]] = [("input", "value", "", "")]
     rows += [(short(n), f"{shown.of(n, v):.9g}", shown.unit(n), "") for n, v in found.inputs.items()]
     rows.append(("output", "target", "", "off by"))
@@ -284,7 +285,7 @@ def inversion_text(found: Inversion) -> str:
 
 def feed_forward_text(found: FeedForward) -> str:
     """Return some instants of the inputs and outputs, the number of differentiations of the outputs, and notes."""
-    shown = _Shown(found)
+    shown = ReportedUnits(found)
     columns = {n: shown.of(n, v) for n, v in {**found.inputs, **found.outputs}.items()}
     rows: list[tuple[str, ...]] = [("time", *(short(n, 20) for n in columns)), ("s", *map(shown.unit, columns))]
     for i in np.unique(np.linspace(0, len(found.time) - 1, INSTANTS).astype(int)):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .analyses import title
+from .analyses import ReportedUnits, title
 from .tables import aligned, digits_of_time, short, visible
 
 if TYPE_CHECKING:
@@ -144,17 +144,26 @@ def _explanations(found: Fit) -> str:
 def run_sensitivity_text(found: RunSensitivity) -> str:
     """Return for each output the effect of one percent of a parameter: at the end, and at most during the run."""
     rows = [("", "by", "at the end", "", "1 % moves it by", "at most", "at")]
+    shown = ReportedUnits(found)
     for i, name in enumerate(found.outputs):
+        unit, scale, _ = shown(name)
         for j, parameter in enumerate(found.parameters):
-            column = found.slopes[:, i, j]
-            unit = f"[{visible(found.units[name])}]/[{visible(found.units[parameter])}]"
+            column = found.slopes[:, i, j] * scale
             share, peak = 0.01 * found.at[j], int(np.argmax(np.abs(column)))
             moved = (
                 f"{share * column[-1]:.4g}",
                 f"{share * column[peak]:.4g}",
                 f"{found.time[peak]:.{digits_of_time(found.time)}g} s",
             )
-            rows.append((short(name), short(parameter), f"{column[-1]:.7g}", unit, *moved))
+            rows.append(
+                (
+                    short(name),
+                    short(parameter),
+                    f"{column[-1]:.7g}",
+                    f"[{visible(unit)}]/[{visible(found.units[parameter])}]",
+                    *moved,
+                )
+            )
     return f"{title(found.model, found.experiment, 'sensitivity of a run')}\n\n{aligned(rows, '<<><>>>')}"
 
 
