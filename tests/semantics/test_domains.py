@@ -207,6 +207,18 @@ def test_not_known() -> None:
     assert "`a`, `b` and `r`" in found[0].sentence and "`1 a : translation`" in found[0].help
 
 
+def test_what_no_bond_reaches_is_told_so() -> None:
+    """A bond is what lacks most; a name of several may be bonded to itself, and what a port meets is outside."""
+    for loose, told in (
+        *((loose, True) for loose in ("R x : e = 2*f", "R x", "TF x : e1 = 2*e2", "1 x", "R x(p, q) : p.e = p.f, q.e = q.f")),
+        *((bonded, False) for bonded in ("1 x[2]\nx[1] -> x[2]", "for i in 1..2 { 1 x[i] }\nx[1] -> x[2]", "port x", "1 x, y\nx -> y")),
+    ):  # fmt: skip
+        found = mistakes(f"model A {{\nI mass : p = (1 kg)*v\n1 a\na -> mass\n{loose}\n}}\n")
+        assert {(d.code, d.help.startswith("No bond reaches it: connect it. Give the domain")) for d in found} == {
+            ("BG114", told)
+        }
+
+
 def test_an_unknown_domain_is_told_once() -> None:
     found = mistakes("model A {\n  1 a : mechanical\n  R r : e = 2*f\n  a -> r\n}\n")
     assert [(d.code, d.span.text) for d in found] == [("BG101", "mechanical")]

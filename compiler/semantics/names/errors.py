@@ -117,11 +117,10 @@ class WrongIndex(Diagnostic):
 class UnknownDomain(Diagnostic):
     code = "BG114"
     title = "The domain of {names} is not known"
-    advice = (
-        "Give it after a colon, as in `{example}`, or write a law in a domain's letters. What is bonded has one domain."
-    )
+    advice = "{first}Give the domain after a colon, as in `{example}`, or write a law in a domain's letters. What is bonded has one domain."
     names: str
     example: str
+    first: str
 
 
 class DomainConflict(Diagnostic):

@@ -258,7 +258,8 @@ class Elaborator(Declarations):
         for port in element_ports(statement, declared.name):
             domain = self.domain_of(scope, (declared.name, port))
             if domain is None:
-                raise self.unknown_domain(scope, declared.span, (declared.name, port))
+                alone = declared.index is None and junction_width(statement) is None
+                raise self.unknown_domain(scope, declared.span, (declared.name, port), alone)
             if (whole := multibond_of(port) or port) != port and widths.get(whole) is not None:
                 hint = f"`{whole}` is as wide as its domain; junctions and ports of models may be several of it."
                 raise Wrong(WrongType(declared.span, f"One multibond `{whole}`", "several", hint))

@@ -72,8 +72,11 @@ class Declarations(ParameterSets):
             return DOMAINS["untyped"]
         return self.table_of(scope.definition).of(*key)
 
-    def unknown_domain(self, scope: Scope, span: Span, key: tuple[str, ...]) -> Exception:
-        """Error for a port of unknown domain, one for all that is bonded. If it, or the domains of its model, have errors, these are already reported."""
+    def unknown_domain(self, scope: Scope, span: Span, key: tuple[str, ...], alone: bool = False) -> Exception:
+        """Error for a port of unknown domain, one for all that is bonded. If it, or the domains of its model, have errors, these are already reported.
+
+        `alone`: it is one element or junction, so that where no other name has its domain, no bond reaches it.
+        """
         table = self.table_of(scope.definition)
         if table.diagnostics or (root := table.groups.of(key)) in table.told:
             return AlreadyTold()
@@ -86,7 +89,10 @@ class Declarations(ParameterSets):
         junction = next((f"{j.kind} {d.name} : translation" for j in junctions for d in j.names if d.name in names), "")
         listed = f"{key[0]}({key[1]}: translation)" if key[1] and key[1] not in "12" else "1 body : translation"
         words = " and ".join(filter(None, (", ".join(shown[:-1]), shown[-1])))
-        return Wrong(UnknownDomain(span, words, junction or listed))
+        loose = alone and len(names) == 1
+        return Wrong(
+            UnknownDomain(span, words, junction or listed, "No bond reaches it: connect it. " if loose else "")
+        )
 
     def enter(self, scope: Scope, name: str, entry: Entry, span: Span) -> None:
         """Enter a name in a scope. If it is declared twice, the later declaration in the text is the error."""
