@@ -118,7 +118,22 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; its errors become a message and an exit code."""
         with problems_told():
-            return super().invoke(ctx)
+            try:
+                return super().invoke(ctx)
+            except click.MissingParameter as problem:
+                raise click.UsageError(f"{problem.format_message()}{_hint(problem)}", problem.ctx) from problem
+
+
+def _hint(problem: click.MissingParameter) -> str:
+    """Return what may stand in a missing option: the names of the model if it takes some, and the command's example."""
+    from .completion import settings
+
+    names = list[str]()
+    if problem.ctx is not None and problem.param is not None and "NAME=" in (problem.param.metavar or ""):
+        names = [item.value.rstrip("=") for item in settings(problem.ctx, problem.param, "")]
+    listed = [f"\nIt takes one of {', '.join(names[:12])}{' …' if names[12:] else ''}"] if names else []
+    command = problem.ctx.info_name if problem.ctx is not None else None
+    return "".join([*listed, f"\nExample: bondgraph {command} {EXAMPLES[command]}" if command in EXAMPLES else ""])
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 
 import pytest
 from click.shell_completion import ShellComplete
@@ -42,6 +43,20 @@ def test_names_of_the_model_in_the_file(tmp_path_factory: pytest.TempPathFactory
     assert completed("run", str(file.with_name("missing.bg")), "-e") == []
     file.write_text("model Rc {")
     assert completed("run", str(file), "-e") == []
+
+
+def test_a_missing_option_tells_what_it_takes(tmp_path: Path) -> None:
+    """The names of the model in the file, and an example; where no model can be read, the example alone."""
+    file = tmp_path / "rc.bg"
+    file.write_text(MODEL)
+    for command in ("montecarlo", "sweep", "continue"):
+        told = CliRunner().invoke(commands, [command, str(file)]).output
+        assert told.endswith(f"\nIt takes one of R, U\nExample: bondgraph {command} {EXAMPLES[command]}\n"), told
+    told = CliRunner().invoke(commands, ["fit", str(file), "--data", "x.csv"]).output
+    assert "'--parameter'" in told and "\nIt takes one of R, U\nExample: bondgraph fit " in told
+    file.write_text("model Rc {")
+    told = CliRunner().invoke(commands, ["sweep", str(file)])
+    assert told.exit_code == 2 and "It takes" not in told.output and "\nExample: bondgraph sweep " in told.output
 
 
 def test_commands_near_a_wrong_one() -> None:
