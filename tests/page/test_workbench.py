@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
+import re
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,10 +14,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.files import write_text
 from bondgraph.language_service.text_answers import TextAnswers
 from bondgraph.presentation.page.serve import Server, Session
+from bondgraph.presentation.page.serve.settings import parameters_of
+from bondgraph.presentation.page.text import text_markup
+from compiler.api import Source
 from tests.page.test_serve import CURVE, TEXT, ask, final, unpacked, until
 
 QUARTER = """model QuarterCar {
@@ -68,6 +74,32 @@ def test_values_are_texts_with_units(folder: Path) -> None:
     for wrong in ("4 kg", "4 N/", "", "1e400", "nan", "1 + 1", "4 um/m"):
         told = json.loads(session.run("go", {"k": wrong, "m": "1 kg"}))
         assert told["kind"] == "unread" and list(told["wrong"]) == ["k"] and "in N/m" in told["wrong"]["k"]
+
+
+def test_numbers_of_the_text_keep_their_digits() -> None:
+    """Those that are computed have six: nobody reads more, and none is sent before it is changed."""
+    text = 'model A {{\n  parameter eps0 = 8.8541878128e-12 [F/m], l = {}, n: um = -1234567.5, third = l/3 "a hundredth of n"\n  R r : u = i*1 ohm\n  C c : q = 1 F*u\n  Se s : u = 1 V\n  s -> 1(c, r)\n}}\n'
+    model = bondgraph.load(text.format("0.30000001 m"))
+    assert [p["value"] for p in parameters_of(model)] == [8.8541878128e-12, 0.30000001, -1234567.5, 0.1]
+    assert [p["value"] for p in parameters_of(bondgraph.load(text.format("100 um")))][1::2] == [100, 33.3333]
+
+
+COLOURED = {
+    "  Part a { R = R_1, C=2 }": [], "C  spring : F = k*x { start C.x = 1 mm }": ["kind C", "word start"], "  1  body": [], "push -> body -> mass": [], "  time = 3": [],
+    "for i in 1 { R r[i] : e = f }": ["word for", "word in", "kind R"], "mode on = true; R r": ["word mode", "word true", "kind R"],
+    "y = if not on then pi else time": ["word if", "word not", "word pi", "word else", "word time"],
+}  # fmt: skip
+
+
+def spans(text: str) -> list[str]:
+    """Classes and words of a report's listing."""
+    return [f"{k} {html.unescape(w)}" for k, w in re.findall(r'<span class="(\w+)">(.*?)</span>', text_markup([Source("a.bg", text)]))]  # fmt: skip
+
+
+def test_a_letter_is_a_kind_where_it_declares() -> None:
+    """In a report; the editor's colours are compared with it below."""
+    for line, coloured in COLOURED.items():
+        assert [s for s in spans(line) if s.startswith(("kind", "word "))] == coloured, line
 
 
 def test_a_swept_axis_has_the_author_s_unit(tmp_path: Path) -> None:
@@ -124,7 +156,12 @@ def test_an_hour(server: Server, folder: Path, open_page: Callable[..., Any], tm
     until(page, CURVE)
     page.click("#bar button:has-text('New')")
     until(page, "document.getElementById('file').value === 'quarter_car.bg'")
-    page.fill("textarea", WRONG)
+    for text in ("\n".join(COLOURED), WRONG):
+        page.fill("textarea", text)
+        listed = page.evaluate(
+            "[...document.querySelectorAll('.listing span')].map(s => `${s.className} ${s.textContent}`)"
+        )
+        assert listed == spans(text)
     until(page, "document.querySelectorAll('#problems li').length === 3")
     assert page.evaluate("[...document.querySelectorAll('.listing .bad')].map(l => l.dataset.at)") == [
         "0:2",

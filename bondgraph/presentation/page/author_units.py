@@ -12,6 +12,8 @@ from ...compiled_model import CompiledModel
 
 _NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}|%))")
 
+_NAMES = re.compile(r"[^\W\d]\w*")
+
 
 def quantities_in(text: str) -> Iterator[tuple[Fraction, str, Scale]]:
     """Yield all numbers of a text that have a unit, with it."""
@@ -32,15 +34,17 @@ def author_units(model: CompiledModel, units: Mapping[str, str]) -> dict[str, tu
             for step in statement.steps:
                 if isinstance(step, tree.SweepSyntax):
                     written.setdefault(step.path.span.words, step)
-    return {name: _unit(written.get(name.partition("[")[0]), unit) for name, unit in units.items()}
+    return {name: _unit(name.partition("[")[0], unit, written) for name, unit in units.items()}
 
 
-def _unit(item: tree.Item | tree.SweepSyntax | None, unit: str) -> tuple[str, Scale]:
+def _unit(name: str, unit: str, written: Mapping[str, tree.Item | tree.SweepSyntax]) -> tuple[str, Scale]:
+    """Return the unit that a quantity has in its own text, else in that of one from which it is computed."""
     own = read_unit(Source("unit", unit))
-    if item is not None:
+    named = _NAMES.findall(written[name].span.words) if name in written else []
+    for item in (written[n] for n in (name, *named) if n in written):
         text = item.span.words if item.unit is None else f"1 [{item.unit.span.words}]"
-        value = getattr(item, "value", None)
-        reckoned = item.unit is None and not isinstance(value, tree.Literal | tree.Negative | None)
+        value = getattr(written[name], "value", None)
+        reckoned = written[name].unit is None and not isinstance(value, tree.Literal | tree.Negative | None)
         for _, words, scale in quantities_in(text):
             if scale.dimension == own.dimension and not (reckoned and scale.offset):  # 30 degC - 20 degC are 10 K
                 return words, scale

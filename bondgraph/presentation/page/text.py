@@ -19,6 +19,11 @@ WORDING = {"words": sorted(WORDS), "kinds": sorted(ELEMENT_KINDS)}  # for the ed
 _PIECES = re.compile(
     r'(?P<remark>#.*)|(?P<words>"[^"]*"?)|(?P<number>\b\d[\d.]*(?:[eE][-+]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<arrow>->|=>)'
 )
+_BEGINS = re.compile(r"(?:^|[{;])[ \t]*$")  # of a statement: only there a letter is a kind
+_DECLARED = re.compile(
+    rf"(?:^|[{{;])[ \t]*(?:[01]|{'|'.join(ELEMENT_KINDS)})[ \t]+$|[-=]>[ \t]*$"
+)  # before a name, which may equal a word
+_NAMED = re.compile(r"[ \t]*(?:[-=]>|[.:\[]|=(?!=))")  # behind one
 LONGEST = 4000  # most lines of one file
 
 
@@ -46,9 +51,16 @@ def _pieces(line: str) -> Iterator[str]:
     for found in _PIECES.finditer(line):
         kind = found.lastgroup or ""
         if kind == "name":
-            kind = "word" if found[0] in WORDS else "kind" if found[0] in ELEMENT_KINDS else ""
+            kind = _kind(line[: found.start()], found[0], line[found.end() :])
         if kind:
             yield line[done : found.start()]
             yield tag("span", found[0], class_=kind)
             done = found.end()
     yield line[done:]
+
+
+def _kind(before: str, name: str, after: str) -> str:
+    """Return the class of a name by what stands around it; the editor has the same rules."""
+    if name in ELEMENT_KINDS:
+        return "kind" if _BEGINS.search(before) and re.match(r"[ \t]+[^\W\d]", after) else ""
+    return "word" if name in WORDS and not _DECLARED.search(before) and not _NAMED.match(after) else ""

@@ -146,8 +146,15 @@ function pieces(words) {
   let done = 0;
   for (const match of words.matchAll(PIECES)) {
     let kind = Object.keys(match.groups).find((name) => match.groups[name] !== undefined);
-    if (kind === "name") kind = page.data.words.includes(match[0]) ? "word" : page.data.kinds.includes(match[0]) ? "kind" : "";
+    if (kind === "name") kind = kindOf(words.slice(0, match.index), match[0], words.slice(match.index + match[0].length));
     if (kind) { found.push(words.slice(done, match.index), html("span", { class: kind }, match[0])); done = match.index + match[0].length; }
   }
   return [...found, words.slice(done)];
+}
+
+// The class of a name by what stands around it, as in a report: a letter is a kind at the begin of a statement, and a word in a bond or left of `=` is a name.
+function kindOf(before, name, after) {
+  const { words, kinds } = page.data, declared = new RegExp(`(?:^|[{;])[ \\t]*(?:[01]|${kinds.join("|")})[ \\t]+$|[-=]>[ \\t]*$`);
+  if (kinds.includes(name)) return /(?:^|[{;])[ \t]*$/.test(before) && /^[ \t]+[\p{L}_]/u.test(after) ? "kind" : "";
+  return words.includes(name) && !declared.test(before) && !/^[ \t]*(?:[-=]>|[.:[]|=(?!=))/.test(after) ? "word" : "";
 }

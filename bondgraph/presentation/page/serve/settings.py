@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +15,8 @@ from ...text.tables import visible
 from ..author_units import author_units, quantities_in
 
 MOST = 200
+COMPUTED = 6  # digits of a value that does not stand in the text
+_NUMBER = re.compile(r"\d+\.?\d*(?:[eE][-+]?\d+)?")
 
 
 def parameters_of(model: CompiledModel) -> list[dict[str, Any]]:
@@ -29,7 +32,10 @@ def parameters_of(model: CompiledModel) -> list[dict[str, Any]]:
             value = 0.0
         if item.role in ("parameter", "input") and value is not None:
             size = sizes.get(scale.dimension, 0.0) * abs(scale.from_si(1.0) - scale.from_si(0.0)) if unit else 0.0
-            row = {"name": name, "role": item.role, "unit": visible(unit), "value": _in(scale, value), "size": size}
+            shown = _in(scale, value)
+            if abs(shown) not in map(float, _NUMBER.findall(item.span.words)):
+                shown = float(f"{shown:.{COMPUTED}g}")
+            row = {"name": name, "role": item.role, "unit": visible(unit), "value": shown, "size": size}
             rows.append({**row, "description": visible(item.description)})
     return rows[:MOST]
 
