@@ -1,7 +1,8 @@
 """Columns that a run must report to give effort and flow of every bond, and the balances from which the others follow.
 
 Ports of elements and mechanisms can be read by name. Bonds between junctions follow: they share an effort or a flow, and the other variable
-follows from the balance.
+follows from the balance. A junction that is off ends each of its bonds at a source of zero, which has no name of its own; one that may be off has no
+balance.
 """
 
 from __future__ import annotations
@@ -49,18 +50,19 @@ class BondColumns:
         return found
 
 
-def bond_columns(graph: BondGraph) -> BondColumns:
-    """Return the columns for effort and flow of each bond; none for a graph with too many bonds."""
+def bond_columns(graph: BondGraph, whole: BondGraph) -> BondColumns:
+    """Return the columns for effort and flow of each bond; none for a graph with too many bonds. `whole`: the graph with all of its junctions on."""
     if len(graph.bonds) > MOST:
         return BondColumns((), ((None, None),) * len(graph.bonds))
-    return _KnownColumns(graph).found()
+    return _KnownColumns(graph, {n.name: n.kind for n in whole.nodes if isinstance(n, Junction)}).found()
 
 
 class _KnownColumns:
     """Search state: the known columns of each bond's effort and flow."""
 
-    def __init__(self, graph: BondGraph) -> None:
-        self.graph = graph
+    def __init__(self, graph: BondGraph, junctions: Mapping[str, Kind]) -> None:
+        self.graph, self.junctions = graph, junctions
+        self.switched = {s.junction for s in graph.switches}
         self.columns: list[str | SignedSum] = []
         self.known: dict[tuple[int, str], int] = {}
 
@@ -81,7 +83,7 @@ class _KnownColumns:
         ends = self.graph.bonds[bond]
         for end in (ends.tail, ends.head):
             node = self.graph.nodes[end.node]
-            name = _name(node, end.port, variable)
+            name = self._name(node, end.port, variable)
             several = sum(end in (b.tail, b.head) for b in (self.graph.bonds[i] for i in self.graph.incident[end.node]))
             if not name or (isinstance(node, MechanismNode) and several > 1):
                 continue
@@ -92,6 +94,20 @@ class _KnownColumns:
                 self._learn(bond, variable, name)
             return
 
+    def _name(self, node: GraphNode, port: int, variable: str) -> str:
+        """Return the name of a port's variable in the language; empty if it has none."""
+        junction = node.name.partition(" ")[0]
+        if isinstance(node, Element) and junction in self.junctions:
+            return f"{junction}.{variable}" if _shared(self.junctions[junction]) == variable else ""
+        if isinstance(node, Element):
+            if len(node.ports) == 1:
+                return f"{node.name}.{variable}"
+            name = node.ports[port].name
+            return f"{node.name}.{variable}{name}" if name.isdigit() else f"{node.name}.{name}.{variable}"
+        if isinstance(node, MechanismNode):
+            return f"{node.name}.{node.ports[port].name}.{variable}"
+        return ""
+
     def _learn(self, bond: int, variable: str, column: str | SignedSum) -> None:
         """Add a column, also for all bonds that share the variable across junctions."""
         self.columns.append(column)
@@ -100,12 +116,12 @@ class _KnownColumns:
             here = waiting.pop()
             self.known[here, variable] = len(self.columns) - 1
             for end in (self.graph.bonds[here].tail, self.graph.bonds[here].head):
-                if self.graph.nodes[end.node].kind is (Kind.ZERO if variable == EFFORT else Kind.ONE):
+                if _shared(self.graph.nodes[end.node].kind) == variable:
                     waiting += [b for b in self.graph.incident[end.node] if (b, variable) not in self.known]
 
     def _balance(self, number: int, node: GraphNode) -> bool:
         """Add the last unknown variable at a junction from its balance; return True if there was one."""
-        if not isinstance(node, Junction):
+        if not isinstance(node, Junction) or node.name in self.switched:
             return False
         variable = FLOW if node.kind is Kind.ZERO else EFFORT
         around = self.graph.incident[number]
@@ -123,16 +139,9 @@ class _KnownColumns:
         return 1.0 if self.graph.bonds[bond].head.node == node else -1.0
 
 
-def _name(node: GraphNode, port: int, variable: str) -> str:
-    """Return the name of a port's variable in the language; empty if it has none."""
-    if isinstance(node, Element):
-        if len(node.ports) == 1:
-            return f"{node.name}.{variable}"
-        name = node.ports[port].name
-        return f"{node.name}.{variable}{name}" if name.isdigit() else f"{node.name}.{name}.{variable}"
-    if isinstance(node, MechanismNode):
-        return f"{node.name}.{node.ports[port].name}.{variable}"
-    return ""
+def _shared(kind: Kind) -> str:
+    """Return the variable that all bonds of a junction share; empty for other nodes."""
+    return {Kind.ZERO: EFFORT, Kind.ONE: FLOW}.get(kind, "")
 
 
 def powers(graph: BondGraph) -> Iterator[tuple[str, str, tuple[tuple[int, float], ...]]]:

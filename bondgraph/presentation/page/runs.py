@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from compiler.api import Array, BondGraph, Scene, letters
+from compiler.api import Array, BondGraph, Compilation, Scene, letters
 
 from ...analysed_model import AnalysedModel
 from ...results.result import Result
@@ -32,11 +32,15 @@ class PageModel:
     @cached_property
     def graph(self) -> BondGraph:
         """Graph of the whole text, as the diagram shows it."""
-        return self.model.compilation(Scene(self.model.model, None, free=frozenset({"*"}))).causal.graph
+        return self._compilation.causal.graph
+
+    @property
+    def _compilation(self) -> Compilation:
+        return self.model.compilation(Scene(self.model.model, None, free=frozenset({"*"})))
 
     @cached_property
     def bonds(self) -> BondColumns:
-        return bond_columns(self.graph)
+        return bond_columns(self.graph, self._compilation.whole_graph)
 
     @cached_property
     def scenes(self) -> Scenes:
