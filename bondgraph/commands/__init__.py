@@ -125,15 +125,13 @@ class Commands(click.Group):
 
 
 def _hint(problem: click.MissingParameter) -> str:
-    """Return what may stand in a missing option: the names of the model if it takes some, and the command's example."""
-    from .completion import settings
-
-    names = list[str]()
-    if problem.ctx is not None and problem.param is not None and "NAME=" in (problem.param.metavar or ""):
-        names = [item.value.rstrip("=") for item in settings(problem.ctx, problem.param, "")]
-    listed = [f"\nIt takes one of {', '.join(names[:12])}{' …' if names[12:] else ''}"] if names else []
-    command = problem.ctx.info_name if problem.ctx is not None else None
-    return "".join([*listed, f"\nExample: bondgraph {command} {EXAMPLES[command]}" if command in EXAMPLES else ""])
+    """Return what may stand in a missing option, as it is completed, and the command's example."""
+    context, parameter = problem.ctx, problem.param
+    if context is None or parameter is None:
+        return ""
+    names = [item.value.rstrip("=") for item in parameter.shell_complete(context, "") if item.type == "plain"]
+    listed = f"\nIt takes one of {', '.join(names[:12])}{' …' if names[12:] else ''}" if names else ""
+    return f"{listed}\nExample: bondgraph {context.info_name} {EXAMPLES[context.info_name or '']}"
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from ..keywords import AnalysisKeywords, PointKeywords
+from . import completion
 from .analysis import AnalysisCall, analysis, bounds, frequencies_of, over_option, picture_option
 from .options import (
     PICTURES,
@@ -31,7 +32,11 @@ def equilibrium(asked: AnalysisCall, time: str | None) -> None:
 
 @analysis("continue")
 @click.option(
-    "--along", required=True, metavar='"NAME=A .. B"', help="The parameter or input, and between which values."
+    "--along",
+    required=True,
+    metavar='"NAME=A .. B"',
+    shell_complete=completion.settings,
+    help="The parameter or input, and between which values.",
 )
 @click.option("--points", type=click.IntRange(2), default=50, metavar="N", help="The range over the first step (50).")
 @click.option("--most", type=click.IntRange(2), default=2000, metavar="N", help="Points after which it ends (2000).")
@@ -91,7 +96,7 @@ def bode(
 
 @analysis("sensitivity")
 @click.option(
-    "--by", "by", multiple=True, metavar="NAME",
+    "--by", "by", multiple=True, metavar="NAME", shell_complete=completion.parameters,
     help="By this parameter or input (several times: these); all parameters if left out.",
 )  # fmt: skip
 @click.option(
@@ -128,7 +133,7 @@ def sensitivity(
 
 @analysis("invert", of_outputs=False, checked=False)
 @click.option(
-    "--want", "targets", multiple=True, metavar="OUTPUT=VALUE",
+    "--want", "targets", multiple=True, metavar="OUTPUT=VALUE", shell_complete=completion.targets,
     help="An output at rest, `x=8 um`; with --to along a path, `x=8 um*smoothstep9(time, 0 s, 5 ms)`.",
 )  # fmt: skip
 @click.option(
@@ -136,7 +141,8 @@ def sensitivity(
     help="Outputs from a file: `x [um],phi [deg]`, each line held at rest; with a column `time [s]` a path through its lines.",
 )  # fmt: skip
 @click.option(
-    "--by", "inputs", multiple=True, required=True, metavar="INPUT|PUSH/PULL", help="An input to find, or two of which one is zero."
+    "--by", "inputs", multiple=True, required=True, metavar="INPUT|PUSH/PULL", shell_complete=completion.inputs,
+    help="An input to find, or two of which one is zero.",
 )  # fmt: skip
 @click.option("--to", metavar="TIME", help="Along a path, until then.")
 @click.option("--from", "start", metavar="TIME", help="Where the path begins (0 s, or the first line of --setpoints).")

@@ -9,6 +9,7 @@ from click import Context, Parameter
 from click.shell_completion import CompletionItem
 
 from .. import Model
+from ..model.shown import STAGES
 
 Completion = Callable[[Context, Parameter, str], list[CompletionItem]]
 
@@ -40,4 +41,7 @@ def names_in_model(names_of: Callable[[Model], Iterable[str]], ending: str = "")
 experiments = names_in_model(lambda model: model.experiments)
 outputs = names_in_model(lambda model: model.outputs)
 inputs = names_in_model(lambda model: model.inputs)
+parameters = names_in_model(lambda model: [*model.parameters, *model.inputs])
 settings = names_in_model(lambda model: [*model.parameters, *model.inputs], "=")
+targets = names_in_model(lambda model: model.outputs, "=")
+stages = names_in_model(lambda model: STAGES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import NoReturn
 
 import click
@@ -23,6 +24,15 @@ def stop(message: str, code: int) -> NoReturn:
     """End the command with a message on stderr."""
     click.echo(harmless(message), err=True)
     raise click.exceptions.Exit(code)
+
+
+def _near(name: str) -> str:
+    """Return the file whose name is near one that is missing; empty if there is none."""
+    if os.path.isfile(f"{name}.bg"):
+        return f"{name}.bg"
+    folder, last = os.path.split(name)
+    others = os.listdir(folder or ".") if os.path.isdir(folder or ".") else []
+    return next((os.path.join(folder, near) for near in get_close_matches(last, others, 1)), "")
 
 
 @contextmanager
@@ -44,7 +54,7 @@ def problems_told() -> Iterator[None]:
         stop(f"bondgraph: a file is not a text in UTF-8 ({problem.reason})", USAGE)
     except OSError as problem:
         name = problem.filename or "file"
-        hint = f"; did you mean `{name}.bg`?" if os.path.isfile(f"{name}.bg") else ""
+        hint = f"; did you mean `{near}`?" if isinstance(problem, FileNotFoundError) and (near := _near(name)) else ""
         stop(f"bondgraph: {name}: {problem.strerror or problem}{hint}", USAGE)
     except Exception as problem:
         from compiler.api import CompilationFailed, render

@@ -9,6 +9,7 @@ from pathlib import PurePath
 
 import click
 
+from . import completion
 from .error_reporting import WRONG, stop
 from .options import (
     STREAM,
@@ -34,6 +35,7 @@ FMU, SSP = ".fmu", ".ssp"  # endings of functional mock-up units, and of systems
     "--stage",
     required=True,
     metavar="STAGE",
+    shell_complete=completion.stages,
     help="syntax, graph, causality, equations, reduction, state_equations, code; or text: back in the language, flat.",
 )
 @experiment_option

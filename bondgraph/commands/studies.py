@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from . import completion
 from .analysis import AnalysisCall, analysis, picture_option
 from .error_reporting import FAILED
 from .options import Command, jobs_option, journal_option, setting, settings_by_name, shared_out, show_progress
@@ -29,7 +30,10 @@ def benchmark(asked: AnalysisCall, error: float, rounds: int, alone: bool, to: s
 
 @analysis("stress", checked=False)
 @click.option("--for", "duration", default="30 s", metavar="TIME", help="How long to try (30 s).")
-@click.option("--vary", multiple=True, metavar='"NAME=LOW .. HIGH"', help="Try the corners of this range, also of a start (`start x`).")  # fmt: skip
+@click.option(
+    "--vary", multiple=True, metavar='"NAME=LOW .. HIGH"', shell_complete=completion.settings,
+    help="Try the corners of this range, also of a start (`start x`).",
+)  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, metavar="N", help="Seed of what is drawn (0).")
 @click.option("--out", metavar="FOLDER", help="Write the smallest files that show what broke; a third of the time is for them.")  # fmt: skip
 @click.option("--to", metavar="TIME", help="Where the run ends.")
@@ -55,7 +59,7 @@ def of_option(usual: str) -> Callable[[Command], Command]:
 
 @analysis("sweep")
 @click.option(
-    "--over", "over", multiple=True, required=True, metavar='"NAME=V, V…"',
+    "--over", "over", multiple=True, required=True, metavar='"NAME=V, V…"', shell_complete=completion.settings,
     help="Values of a parameter or input: `k=1 N/m, 2 N/m`, or `k=1 N/m .. 2 N/m : 11`; several times: a grid.",
 )  # fmt: skip
 @of_option("simulate")
@@ -80,7 +84,7 @@ def sweep(
 
 @analysis("montecarlo")
 @click.option(
-    "--vary", "vary", multiple=True, required=True, metavar='"NAME=DISTRIBUTION"',
+    "--vary", "vary", multiple=True, required=True, metavar='"NAME=DISTRIBUTION"', shell_complete=completion.settings,
     help="`d=normal(2 um, 50 nm)`, lognormal (mean, standard deviation), uniform, triangular (low, most likely, high), truncated(one of these, low, high).",
 )  # fmt: skip
 @click.option(
@@ -127,7 +131,7 @@ def _correlation(text: str) -> tuple[tuple[str, str], float]:
     help="Measured: `fx [uN],x [um],sigma x [um]`, `frequency 1 [Hz]`, or outputs over `time [s]` (several times: all of them).",
 )  # fmt: skip
 @click.option(
-    "--parameter", "parameters", multiple=True, required=True, metavar='"NAME=LOW .. HIGH"',
+    "--parameter", "parameters", multiple=True, required=True, metavar='"NAME=LOW .. HIGH"', shell_complete=completion.settings,
     help="What to find: `d=1.5 um .. 2.5 um`, `k=log 1 N/m .. 100 N/m`, or its name alone.",
 )  # fmt: skip
 @click.option("--explain/--no-explain", default=None, help="Tell which few parameters would explain the data alone.")

@@ -175,6 +175,8 @@ _SIGNS: tuple[tuple[str, str, str], ...] = (
         "joined by `and`",
     ),
     (r"\bplain (?=model)", "", "Drop the word `plain`"),
+    (r"(?<=[01])\s+(?=\()", "", "no blank before"),
+    (r"\s+in\s+(?=[^=]*=)", ": ", "stands behind a colon"),
     (r"\bto\b", "..", ".."),
     (r"\bplot\b", "report", "`report"),
     (r"\brun\b", "simulate", "`simulate"),

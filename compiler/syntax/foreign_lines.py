@@ -166,6 +166,8 @@ _ROWS = (
         r"^\s*(?i:source|resistor|inductor|capacitor|inertia|mass|spring|damper|gyrator|transformer)\s+(?P<b>\w+)\s*=.*",
         "An element has its letters, a name, and a law behind a colon: `Se {b} : u = 5 V`, `R {b} : u = 2 ohm*i`, `I {b} : p = 3 kg*v`.",
     ),
+    (r"^\s*(?P<a>parameter|constant|output|signal|input)\s+(?P<b>[\w\[\]]+)\s+in\s+(?P<c>[^\s=]+)", "A unit stands behind a colon: `{a} {b}: {c}`."),
+    (r"(?<![\w.])(?P<a>[01])\s+\(", "A junction in place has no blank before its bracket: `{a}(spring, damper)`."),
     (r"^\s*const(?:ants?)?\s+(?P<a>\w+)\s*=\s*(?P<b>.*)", "It is written `constant {a} = {b}`."),
     (
         rf"^\s*(?:(?:param(?:eter)?s?|{_TYPE}|[Vv]ar(?:iable)?s?|let)\s+)?(?P<a>\w+)\s*=(?=\s*(?P<b>[^={{}}]+)$)",

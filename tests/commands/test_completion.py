@@ -39,7 +39,17 @@ def test_names_of_the_model_in_the_file(tmp_path_factory: pytest.TempPathFactory
     assert completed("modes", str(file), "-e", typed="sw") == ["swing"]
     assert completed("run", str(file), "--set") == ["R=", "U="]
     assert completed("run", "-e", "step", str(file), "--output", typed="c") == ["charge", "current"]
-    assert completed("bode", str(file), "--input") == ["U"]
+    assert completed("bode", str(file), "--input") == completed("invert", str(file), "--by") == ["U"]
+    for command, option in (
+        ("sweep", "--over"),
+        ("montecarlo", "--vary"),
+        ("continue", "--along"),
+        ("fit", "--parameter"),
+    ):
+        assert completed(command, str(file), option) == ["R=", "U="]
+    assert completed("sensitivity", str(file), "--by") == ["R", "U"]
+    assert completed("invert", str(file), "--want", typed="c") == ["charge=", "current="]
+    assert "state_equations" in completed("show", str(file), "--stage")
     assert completed("run", str(file.with_name("missing.bg")), "-e") == []
     file.write_text("model Rc {")
     assert completed("run", str(file), "-e") == []
@@ -52,8 +62,10 @@ def test_a_missing_option_tells_what_it_takes(tmp_path: Path) -> None:
     for command in ("montecarlo", "sweep", "continue"):
         told = CliRunner().invoke(commands, [command, str(file)]).output
         assert told.endswith(f"\nIt takes one of R, U\nExample: bondgraph {command} {EXAMPLES[command]}\n"), told
-    told = CliRunner().invoke(commands, ["fit", str(file), "--data", "x.csv"]).output
-    assert "'--parameter'" in told and "\nIt takes one of R, U\nExample: bondgraph fit " in told
+    for line, taken in (("fit FILE --data x.csv", "R, U"), ("invert FILE", "U"), ("show FILE", "syntax, graph, ")):
+        told = CliRunner().invoke(commands, line.replace("FILE", str(file)).split()).output
+        assert f"\nIt takes one of {taken}" in told and f"\nExample: bondgraph {line[:3]}" in told
+    assert "It takes" not in CliRunner().invoke(commands, ["run"]).output
     file.write_text("model Rc {")
     told = CliRunner().invoke(commands, ["sweep", str(file)])
     assert told.exit_code == 2 and "It takes" not in told.output and "\nExample: bondgraph sweep " in told.output
@@ -65,7 +77,10 @@ def test_commands_near_a_wrong_one() -> None:
     assert found.exit_code == 2 and "there is no command `rum`: did you mean `run`?" in found.output
     for line, hint in (("simulate", "run"), (f"{MODELS / 'rlc.bg'}", f"run {MODELS / 'rlc.bg'}")):
         assert f"did you mean `{hint}`?" in CliRunner().invoke(commands, [line]).output
-    assert f"did you mean `{MODELS / 'rlc.bg'}`?" in CliRunner().invoke(commands, ["check", str(MODELS / "rlc")]).output
+    for near in ("rlc", "rcl.bg", "rlc.bgg"):
+        told = CliRunner().invoke(commands, ["check", str(MODELS / near)]).output
+        assert f"did you mean `{MODELS / 'rlc.bg'}`?" in told
+    assert "did you mean" not in CliRunner().invoke(commands, ["run", str(MODELS / "none" / "rlc.bg")]).output
 
 
 def test_the_list_has_every_command() -> None:

@@ -29,6 +29,8 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("output y = 1,5*mass.v", "`1.5`", "output y = 1.5*mass.v"), ("output y = .5*mass.v", "`0.5`", "output y = 0.5*mass.v"), ("output y = SIN(1)", "`sin`", "output y = sin(1)"),
     ("output y = Math.sin(1)", "`sin(…)`", "output y = sin(1)"), ("output y = np.exp(1)", "`exp(…)`", "output y = exp(1)"), ("output y = arctan(1)", "`atan`", "output y = atan(1)"),
     ("output y = pow(n, 2)", "a^2", "output y = n^2"), ("output y = 2*PI", "`pi`", "output y = 2*pi"), ("output y = t", "`time`", "output y = time"),
+    ("output y in mm = spring.x", "`output y: mm`", "output y: mm = spring.x"), ("body -> 1 (spring)", "`1(", "body -> 1(spring)"), ("parameter l in mm = 3", "`parameter l: mm`", "parameter l: mm = 3"),
+    ("output y = m*g", "`parameter g = 9.81 [m/s^2]`", "parameter g = 9.81 [m/s^2]; output y = m*g"),
     ("output y = e", "exp(1)", "output y = exp(1)"), ("output y = ddt(spring.x)", "der(x)", "output y = der(spring.x)"),
     ("output y = round(n)", "floor", "output y = floor(n + 0.5)"), ("output y = integrate(mass.v)", "integral(rate, start)", "output y = integral(mass.v, 0 m)"),
     ("output y = if n > 1 then 2 else 3", "a if condition else b", "output y = 2 if n > 1 else 3"), ("output y = n > 1 ? 2 : 3", "a if condition else b", "output y = 2 if n > 1 else 3"),

@@ -58,6 +58,7 @@ OTHER_JOINTS = {
 NAMES = {
     "w": _RATE, "w1": _RATE, "w2": _RATE, "torque": "Declare it; a torque is `M`.", "tau": "Declare it; a torque is `M`.",
     "force": "Declare it; a force is `F`.", "t": "Time is `time`.", "PI": "It is written `pi`.", "Pi": "It is written `pi`.",
+    "g": "Gravity is a parameter, `parameter g = 9.81 [m/s^2]`; grams stand behind a number: `5 g`.",
     "e": "Euler's number is `exp(1)`.", "inf": "No number is infinite.", "Inf": "No number is infinite.", "NaN": "Every number has a value.",
     "True": "It is written `true`.", "False": "It is written `false`.", "Time": "Time is `time`.",
 }  # fmt: skip
