@@ -235,10 +235,10 @@ def outcome_text(found: Outcome) -> str:
 def sensitivity_text(found: Sensitivity) -> str:
     """Return for each quantity its value, then the effect of one percent of each parameter, the largest first."""
     rows = [("", "value", "by", "slope in SI", "percent per percent")]
-    relative, shown = np.nan_to_num(found.relative), ReportedUnits(found)
+    relative, reported = np.nan_to_num(found.relative), ReportedUnits(found)
     for i, name in enumerate(found.quantities):
         order = sorted(range(len(found.parameters)), key=lambda j: -abs(relative[i, j] or found.slopes[i, j]))
-        head = (short(name, 30), f"{shown.of(name, found.values[i]):.6g} {shown.unit(name)}".rstrip())
+        head = (short(name, 30), f"{reported.of(name, found.values[i]):.6g} {reported.unit(name)}".rstrip())
         for j in [j for j in order if found.slopes[i, j] != 0 and not 0 < abs(relative[i, j]) < ROUNDING][:STRONGEST]:
             share = f"{found.relative[i, j]:.4g}" if np.isfinite(found.relative[i, j]) else ""
             rows.append((*head, short(found.parameters[j], 30), f"{found.slopes[i, j]:.6g}", share))

@@ -144,9 +144,9 @@ def _explanations(found: Fit) -> str:
 def run_sensitivity_text(found: RunSensitivity) -> str:
     """Return for each output the effect of one percent of a parameter: at the end, and at most during the run."""
     rows = [("", "by", "at the end", "", "1 % moves it by", "at most", "at")]
-    shown = ReportedUnits(found)
+    reported = ReportedUnits(found)
     for i, name in enumerate(found.outputs):
-        unit, scale, _ = shown(name)
+        unit, scale, _ = reported(name)
         for j, parameter in enumerate(found.parameters):
             column = found.slopes[:, i, j] * scale
             share, peak = 0.01 * found.at[j], int(np.argmax(np.abs(column)))

@@ -32,10 +32,10 @@ def parameters_of(model: CompiledModel) -> list[dict[str, Any]]:
             value = 0.0
         if item.role in ("parameter", "input") and value is not None:
             size = sizes.get(scale.dimension, 0.0) * abs(scale.from_si(1.0) - scale.from_si(0.0)) if unit else 0.0
-            shown = _in(scale, value)
-            if abs(shown) not in map(float, _NUMBER.findall(item.span.words)):
-                shown = float(f"{shown:.{COMPUTED}g}")
-            row = {"name": name, "role": item.role, "unit": visible(unit), "value": shown, "size": size}
+            number = _in(scale, value)
+            if abs(number) not in map(float, _NUMBER.findall(item.span.words)):
+                number = float(f"{number:.{COMPUTED}g}")
+            row = {"name": name, "role": item.role, "unit": visible(unit), "value": number, "size": size}
             rows.append({**row, "description": visible(item.description)})
     return rows[:MOST]
 
