@@ -6,6 +6,8 @@ import math
 import re
 import shutil
 import subprocess
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -223,6 +225,19 @@ def test_one_program_of_its_own(tmp_path: Path) -> None:
             [str(tmp_path / "pid"), "1e-2", "0.1"], capture_output=True, text=True, check=True
         ).stdout.splitlines()
         assert lines[0] == "time,command,error" and len(lines) == 12
+
+
+@pytest.mark.parametrize("words", ["gcc", "clang", f"{sys.executable} -m ziglang cc"], ids=["gcc", "clang", "zig"])
+def test_compilers_find_nothing_to_warn_of(words: str, tmp_path: Path) -> None:
+    """In float, too: conditions on time are numbers, and what guards a divisor is not zero."""
+    if not shutil.which(words.split()[0]) or ("zig" in words and not find_spec("ziglang")):
+        pytest.skip(f"no {words}")
+    model = "plain model A { parameter a = 0\n signal x = integral(step(time - a), 0)\n mode n = 0\n when x*exp(x) > a { n = 1 }\n output y = x/max(abs(a), 1e-290), z = n }"
+    for single in (False, True):
+        text = bondgraph.load(model).compile("c", single=single)
+        assert ("e-290" in text, "1.17549435e-38f" in text) == (not single, single)
+        (tmp_path / "model.c").write_text(text, encoding="utf-8")
+        subprocess.run([*words.split(), "-std=c11", *WARNINGS, "-c", "model.c"], cwd=tmp_path, check=True)
 
 
 SWITCHED = "model A { mode on = true\n 1 a : electric { active = on }\n Se s : u = 1 V\n C c : q = 1 F*u\n R r : u = 1 ohm*i\n s -> a -> c, r\n when c.u > 0.5 V { on = false }\n output y = c.u }"

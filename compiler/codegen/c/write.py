@@ -151,7 +151,9 @@ class _Body:
             self.count += 1
             self.names[node] = f"t{self.count}"
             self.lines.append(f"const {kind} t{self.count} = {text};")
-        self.lines += [f"out[{place}] = {self._name(root)};" for place, root in enumerate(roots)]
+        for place, root in enumerate(roots):
+            cast = "(double)" if isinstance(root, Apply) and root.operator in CONDITIONS else ""
+            self.lines.append(f"out[{place}] = {cast}{self._name(root)};")
         return self.lines
 
     def _name(self, node: Expression) -> str:
