@@ -171,14 +171,14 @@ class _CFunction:
             case ast.AugAssign(target=target, op=op, value=value):
                 self._line(f"{self._value(target)} {_SIGNS[type(op)]}= {self._value(value)};")
             case ast.If():
-                self._line(f"if ({self._value(node.test)}) {{")
+                self._line(f"if {self._condition(node.test)} {{")
                 self._inner(node.body)
                 if node.orelse:
                     self._line("} else {")
                     self._inner(node.orelse)
                 self._line("}")
             case ast.While():
-                self._line(f"while ({self._value(node.test)}) {{")
+                self._line(f"while {self._condition(node.test)} {{")
                 self._inner(node.body)
                 self._line("}")
             case ast.For(target=ast.Name(id=name), iter=ast.Call(args=bounds)):
@@ -229,6 +229,10 @@ class _CFunction:
             case ast.Call():
                 return self._call(node)
         raise TranslationError(f"{type(node).__name__} is not in the subset")
+
+    def _condition(self, node: ast.expr) -> str:
+        """Return a condition in one pair of brackets, which a comparison has already: a second one looks like a mistake to compilers."""
+        return self._value(node) if isinstance(node, ast.Compare) else f"({self._value(node)})"
 
     def _constant(self, value: Any) -> str:
         if isinstance(value, bool | int):

@@ -232,7 +232,7 @@ def test_compilers_find_nothing_to_warn_of(words: str, tmp_path: Path) -> None:
     """In float, too: conditions on time are numbers, and what guards a divisor is not zero."""
     if not shutil.which(words.split()[0]) or ("zig" in words and not find_spec("ziglang")):
         pytest.skip(f"no {words}")
-    model = "plain model A { parameter a = 0\n signal x = integral(step(time - a), 0)\n mode n = 0\n when x*exp(x) > a { n = 1 }\n output y = x/max(abs(a), 1e-290), z = n }"
+    model = "plain model A { parameter a = 0\n signal x = integral(step(time - a), 0)\n mode n = 0\n when x*exp(x) > a { n = 1 }\n output y = x/max(abs(a), 1e-290), z = n, w = cubic(x, (0, 1, 2), (0, 1, 0)) }"
     for single in (False, True):
         text = bondgraph.load(model).compile("c", single=single)
         assert ("e-290" in text, "1.17549435e-38f" in text) == (not single, single)
