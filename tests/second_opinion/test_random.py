@@ -17,14 +17,20 @@ from tests.second_opinion.random_models import PARTS, mechanism, network
 from tests.second_opinion.solution import Undecided
 from tests.second_opinion.structured_models import structured
 from tests.second_opinion.trial import KINDS, campaign, verdict_on
+from tests.second_opinion.typed_models import typed
 
 # Seeds that disagree today, with what is wrong. They go from here with their cause.
-WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}, "structured": {}}
+WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}, "structured": {}, "typed": {}}
 
 
 @pytest.mark.parametrize(
     ("kind", "seeds"),
-    [("network", (100, 128, 212)), ("mechanism", range(100, 105)), ("structured", range(4, 44, 8))],
+    [
+        ("network", (100, 128, 212)),
+        ("mechanism", range(100, 105)),
+        ("structured", range(4, 44, 8)),
+        ("typed", range(5, 29, 8)),
+    ],
 )
 def test_random_models(kind: str, seeds: Sequence[int]) -> None:
     """None disagrees, and most agree: refusals and undecided cases are few."""
@@ -45,7 +51,7 @@ def test_valves_whose_current_is_rounding(seed: int, own: list[float]) -> None:
     np.testing.assert_allclose(found["y0"][1:], own, rtol=1e-5)
 
 
-@pytest.mark.parametrize("make", [network, mechanism, structured])
+@pytest.mark.parametrize("make", [network, mechanism, structured, typed])
 def test_a_seed_gives_the_same_text(make: type) -> None:
     texts = [[make(s).written(make(s).parameters) for s in range(16)] for _ in range(2)]
     assert texts[0] == texts[1]
@@ -74,6 +80,10 @@ PLANTED = {
     "a matrix turned": ("structured", r": b.f = (K\w+)\*a.f", r": b.f = transpose(\1)*a.f"),
     "another branch": ("structured", r"if flag \{", "if not flag {"),
     "an equation by 1e-3": ("structured", r"\^3 \+ (p_\d+)\*z", r"^3 + 1.001*\1*z"),
+    "a place moved by 1e-3": ("typed", r": b.f = T_b", ": b.f = 1.001*T_b"),
+    "another unit": ("typed", r"lbf/inch", "kgf/m"),
+    "another leg": ("typed", r"Leg: model = Soft", "Leg: model = Hard"),
+    "another energy": ("typed", r"\+ (\S+ \[V/\(N\*s\)\])", r"+ 1.01*\1"),
     "a mass by 1e-3": ("mechanism", r"mass = p_0", "mass = 1.001*p_0"),
     "a torque against": ("mechanism", r"(R r_0 : M =) ", r"\1 -1*"),
     "gravity by 1e-4": ("mechanism", r"-9.81 ", "-9.811 "),

@@ -12,8 +12,14 @@ from typing import Any
 from tests.second_opinion.comparison import Verdict, compared
 from tests.second_opinion.random_models import Example, mechanism, network
 from tests.second_opinion.structured_models import structured
+from tests.second_opinion.typed_models import typed
 
-KINDS: dict[str, Callable[[int], Example]] = {"network": network, "mechanism": mechanism, "structured": structured}
+KINDS: dict[str, Callable[[int], Example]] = {
+    "network": network,
+    "mechanism": mechanism,
+    "structured": structured,
+    "typed": typed,
+}
 BUDGET = 2500  # iterations of Newton's method
 POINTS = 4
 
