@@ -54,6 +54,12 @@ _IN_AN_EXPERIMENT = (
     ),
 )
 _ROWS = (
+    (
+        r"^\s*(?:parameter|constant|signal|string|String)\s+(?P<a>\w+)\s*=\s*[\"'].*",
+        "A word is one of several, `parameter {a}: {{ one, other }} = one`; a file is named in a list, `parameter ys = column(\"curve.csv\", \"force\")`, "
+        "which may be set to a column of another file.",
+    ),
+    (r"^\s*[01]\s+\w+\s*:\s*(?:three|3)\b.*", "Three phases are a bond of width three: `0 node : electric[3]`."),
     (r"^\s*(?:/\*|\*|--|%|;).*|//", "A comment begins with `#`."),
     (r"^\s*simulate\b.*", "It belongs into an experiment: `experiment run {{ simulate 0 .. 1 s }}`."),
     (r"^\s*when\b.*\b(?P<a>offset|delay|jitter|seed)\b.*", "A `when` acts at the instant at which its condition becomes true; `{a}` is a word of `every`."),

@@ -66,7 +66,31 @@ TEXTS = {
     "star": lambda n: large_models.network(large_models.star_edges(n), n + 1),
     "random": lambda n: large_models.network(large_models.random_edges(n, n // 2), n),
     "band": lambda n: row_of_resistors(n),
+    "multibonds": lambda n: MULTIBONDS.replace("COUNT", str(n)),
 }
+MULTIBONDS = """model Block {
+  parameter M = [[2 kg, 0.1 kg, 0], [0.1 kg, 1.5 kg, 0.2 kg], [0, 0.2 kg, 1 kg]]
+  parameter K = [[200 [N/m], 10 [N/m], 0], [10 [N/m], 150 [N/m], 20 [N/m]], [0, 20 [N/m], 100 [N/m]]]
+  port left: translation[3], right: translation[3]
+  1 body : translation[3]
+  0 node : translation[3]
+  I mass(p: translation[3])   : p = M*f
+  R loss(p: translation[3])   : e = 0.3 [N*s/m]*f
+  C spring(s: translation[3]) : e = K*q
+  left => node => spring
+  node => body => mass
+  body => loss
+  body => right
+}
+model Chain {
+  parameter n = COUNT
+  for i in 1..n { Block b[i] }
+  for i in 1..n-1 { b[i].right => b[i+1].left }
+  for i in 1..3 { Se push[i] : F = 1 N/i; Sf wall[i] : v = 0 }
+  push => b[1].left
+  b[n].right => wall
+  output y = b[n-1].body.v[1]
+}"""
 
 
 @pytest.mark.machine_code
@@ -103,6 +127,15 @@ def test_code_does_not_grow_with_the_number_of_instances(kind: str, monkeypatch:
     assert longer.differentiated == described.differentiated <= 16  # laws, whatever their number of uses
     rows, before = (sum(len(r.streams) for r in d.rows) for d in (longer, described))
     assert rows == pytest.approx(10 * before, rel=0.1)
+
+
+@pytest.mark.machine_code
+def test_blocks_of_multibonds_with_matrices_in_their_laws_are_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "LONGEST_IN_LINES", 0)
+    (described, _, sizes), (longer, _, others) = (code_of(TEXTS["multibonds"](n)) for n in (5, 15))
+    assert longer.operations > 2.5 * described.operations
+    assert sum(others) < 1.02 * sum(sizes) < 60_000
+    assert longer.differentiated == described.differentiated
 
 
 @pytest.mark.machine_code

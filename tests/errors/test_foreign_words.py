@@ -109,7 +109,8 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("parameter J = 1e-4 kg m^2", "`1e-4 [kg*m^2]`", "parameter J = 1e-4 [kg*m^2]"), ("I mass2 : F = m*a", "rate of the momentum", "I mass2 : p = m*v; body -> mass2"), ("R r2 : F = 2 [N*s]*w", "`omega`", ""),
     ("multibody arm : planar { body bob { mass = 1 kg }; revolute pin : ground to bob }", "`hinge`", ""), ("multibody arm : planar { body bob { mass = 1 kg }; hinge pin : ground -> bob }", "`ground to bob`", ""),
     ("multibody arm : planar { body bob { mass = 1 kg, inertia = 1 [kg*m^2] }; hinge pin : ground to bob }\n  output phi = pin.phi", "`arm.pin`", "multibody arm : planar { body bob { mass = 1 kg, inertia = 1 [kg*m^2] }; hinge pin : ground to bob }\n  output phi = arm.pin.phi"),
-    ("0 far; R r2 : F = 2 [N*s/m]*v; body -> r2 -> far", "`-> 1(r2) -> far`", ""), ("experiment e { simulate 0:0.01:5 }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
+    ('parameter file = "road.csv"', '`parameter ys = column("curve.csv", "force")`', ""), ("0 n3 : three phase", "`0 node : electric[3]`", "0 n3 : electric[3]; R r3(p: electric[3]) : u = 2 ohm*i; n3 => r3"),
+    ("0 n3 : three_phase", "`electric[3]`", ""), ("0 far; R r2 : F = 2 [N*s/m]*v; body -> r2 -> far", "`-> 1(r2) -> far`", ""), ("experiment e { simulate 0:0.01:5 }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
 ]  # fmt: skip
 
 

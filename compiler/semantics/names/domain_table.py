@@ -242,6 +242,8 @@ def _learn(table: DomainTable, key: Key, domain: str, span: Span, bundles: tuple
         return
     known = [*DOMAINS, *bundles]
     hint = suggestion(domain, known, f"Domains: {', '.join(known)}.")
+    if domain.replace("_", "").lower() in ("threephase", "abc"):
+        hint = "Three phases are a bond of width three, `electric[3]`."
     if domain in BUNDLES and not bundles:
         hint = f"Its ports are listed one by one: `({', '.join(BUNDLES[domain])})`."
     table.diagnostics.append(UnknownName(span, domain, "the list of domains", hint))
