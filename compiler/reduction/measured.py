@@ -24,7 +24,7 @@ def measurement_notes(space: StateSpace) -> Iterator[str]:
 
 def _notes(event: EventRow, inputs: Sequence[tuple[int, ...]]) -> Iterator[str]:
     for place, setting in enumerate(event.settings):
-        earlier = event.settings[:place]
+        earlier = [s for s in event.settings[:place] if s.span != setting.span]  # a list is set together
         visible = {s.value for s in earlier}  # new values that a line sees need no measurement
         if setting.value in visible:
             continue

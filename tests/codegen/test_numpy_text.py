@@ -112,8 +112,9 @@ def values(module: Any, t: float, x: Any, p: Any, u: Any) -> tuple[Any, ...]:
     if len(x) > n:
         arguments = (t, x[:n], x[n:], p, *inputs)
         return module.equations(*arguments), module.outputs(t, x[:n], p, *inputs, z=x[n:]), module.partials(*arguments)
-    outputs = module.outputs(t, x, p, *inputs)
-    return (module.derivative(t, x, p, *inputs), outputs, module.jacobian(t, x, p, *inputs)) if n else ((), outputs, ())
+    arguments = (t, x, *([module.discrete_start(p)] if hasattr(module, "DISCRETES") else []), p, *inputs)
+    outputs = module.outputs(*arguments)
+    return (module.derivative(*arguments), outputs, module.jacobian(*arguments)) if n else ((), outputs, ())
 
 
 @pytest.mark.few(9)

@@ -212,6 +212,23 @@ def test_field_oriented_currents_answer_as_a_first_order(experiment: str, i_d: f
     near(found["speed"], speed / 2e-4)
 
 
+def test_sampled_servo() -> None:
+    """Its states from sample to sample, exactly; both blocks act at one instant and read the values from before."""
+    m, r, T = 0.5, 2.0, 2e-3
+    a = np.exp(-r * T / m)
+    A, B = np.array([[1, m / r * (1 - a)], [0, a]]), np.array([T / r - m / r**2 * (1 - a), (1 - a) / r])
+    state, estimate, target, exact = np.zeros(2), np.zeros(2), 0.0, []
+    for sample in range(601):
+        exact.append(state)
+        force = np.clip(200 * (target - estimate[0]) - 15 * estimate[1], -1, 1)
+        estimate = A @ estimate + B * force + np.array([0.4, 30]) * (state[0] - estimate[0])
+        state = A @ state + B * force
+        target = 0.01 - target if sample % 200 == 0 else target
+    found = run("sampled_servo", points=601)
+    np.testing.assert_allclose(np.stack([found["x"], found["v"]], 1), exact, atol=1e-13)
+    assert not found.notes
+
+
 def test_predators_and_prey() -> None:
     """x' = 1.1 x - 0.4 x y, y' = 0.1 x y - 0.4 y; delta x - gamma ln x + beta y - alpha ln y stays."""
 

@@ -114,7 +114,7 @@ def test_storages_and_integrals_that_lines_set() -> None:
 
 
 PLANT = """model Q {
-  mode volt = 0 V, seen = 0 V, k = 0
+  mode volt = 0 V, seen = 0 V, k = 0, pair = [0 V, 0 V]
   MSe s : u = volt
   R r1 : u = 1 ohm*i
   C cap : q = 1 F*u
@@ -122,7 +122,7 @@ PLANT = """model Q {
   every 1 s {
     LINES
   }
-  output S = seen, u = cap.u
+  output S = seen, u = cap.u, last = pair[2]
 }
 """
 
@@ -133,6 +133,7 @@ PLANT = """model Q {
         ("volt = volt + 1 V\n seen = r1.u", True), ("seen = r1.u\n volt = volt + 1 V", False), ("volt = volt + 1 V\n seen = cap.u", False),
         ("cap.u = 1 V\n seen = cap.q/1 F", True), ("cap.u = 1 V\n seen = cap.u", False), ("volt = 1 V*k\n k = k + 1\n seen = volt", False),
         ("k = k + 1\n volt = 1 V*k\n seen = volt if k > 2 else -volt", False), ("seen = volt\n volt = 2 V\n volt = volt + seen", False),
+        ("pair = [0.5, 0.1]*(cap.u - pair[1])", False),
     ],
 )  # fmt: skip
 def test_what_was_measured_before_is_told(lines: str, late: bool) -> None:
