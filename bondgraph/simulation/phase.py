@@ -123,6 +123,23 @@ class Phase:
         self.largest: Any = None  # the largest absolute value of each, shape (outputs,)
         self.extremes: ExtremesMonitor | None = None
         self.balance: EnergyBalance | None = None
+        self.stepper: SegmentIntegrator | None = None  # the integrator, if another run may go through this phase again
+        self.told: tuple[Any, ...] = ((), ())  # notes and doubts before the end
+
+    def left(self) -> Phase | None:
+        """Return this finished phase without its results, for `begun_again`; None if another run cannot go through it."""
+        stepper = self.stepper
+        if stepper is None or stepper.begins is None or self.begin is not None or self.trajectory.handover is not None:
+            return None
+        self.values, self.trajectory = None, empty(self.program, self.instants[:0])
+        stepper.begin_again(self.instants, self.watch, None, self.trajectory)
+        return self
+
+    def begun_again(self, instants: Array) -> Phase:
+        """Return this phase as it began, for another run with the same values and options."""
+        self.instants, self.whole, (self.notes, self.doubts) = instants, False, self.told
+        self.watch = ValidityMonitor(self.program, self.constants, self.inputs, self.options.rtol)
+        return self
 
     def _history(self, program: Program) -> History | None:
         from .events.history import history_of
@@ -285,6 +302,7 @@ class Phase:
         if self.options.extremes:
             self.extremes = ExtremesMonitor(self._solution().output, len(program.outputs.names))
         self.integrate(self.choice)
+        self.told = self.notes, self.doubts
         self._end_where_stopped()
         self._finish()
         self.values = self._solution().outputs(self.watch)
@@ -302,7 +320,13 @@ class Phase:
     def integrate(self, choice: Choice | None) -> None:
         """Integrate into the trajectory; to the end with the states of the start, if there is no choice. Raises `RunFailed`."""
         try:
-            self._integrator()(self._problem(self.events, choice), self.trajectory).through(self.state, self.stretches)
+            stepper = self.stepper
+            if stepper is None:
+                stepper = self._integrator()(self._problem(self.events, choice), self.trajectory)
+            else:
+                stepper.begin_again(self.instants, self.watch, choice, self.trajectory)
+            stepper.through(self.state, self.stretches)
+            self.stepper = stepper if stepper.begins is not None else None
         except (RateNotFinite, StepsCollapsed, NotLossless) as failed:
             raise explained(failed, self.constraints, self.compilation.state_space) from None
 

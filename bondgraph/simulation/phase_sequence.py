@@ -53,6 +53,7 @@ class PhaseSequence:
         self.begins_now: PhaseTransition | None = None  # transition into the next phase
         self.accuracy: float | None = None
         self.before: Result | None = None  # the result from which this run goes on
+        self.again: Phase | None = None  # all of it, as an earlier run with the same values has left it
 
     def go(self) -> None:
         """Integrate all phases, to the end. Raises `RunFailed`."""
@@ -68,7 +69,10 @@ class PhaseSequence:
                 self.scene if preferences == self.scene.preferences else replace(self.scene, preferences=preferences)
             )
             try:
-                leg = Phase(self.made(chosen, self.energy), left, self.options, begin, companion, modes, known)
+                if self.again is None:
+                    leg = Phase(self.made(chosen, self.energy), left, self.options, begin, companion, modes, known)
+                else:
+                    leg, self.again = self.again.begun_again(left), None
             except RunFailed:
                 if legs or modes or begin is not None or companion is None or not companion.valves:
                     raise

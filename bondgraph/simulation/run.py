@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,11 +15,13 @@ from compiler.api import SOLVERS, CompilationFailed, Scene
 from ..compiled_model import CompiledModel
 from ..compiled_scene import CompiledScene, chosen_target, many_runs
 from ..errors import RunFailed, UsageError
+from ..memo import keep
 from ..numerics.threads import one_thread
 from ..results.result import Result
-from .phase import PhaseOptions
+from .phase import Phase, PhaseOptions
 from .phase_sequence import PhaseSequence
 from .run_options import RunOptions, RunRequest, planned
+from .segments.run_values import MOST
 from .settings import refused_with_values, settle
 
 
@@ -32,6 +34,7 @@ class PlannedRun:
     instants: Any
     options: PhaseOptions
     accuracy: float | None
+    left: dict[object, Phase] = field(default_factory=dict)  # phases of runs without events, by values, for other runs
 
 
 def simulate_once(model: CompiledModel, request: RunRequest, start: Result | None = None) -> Result:
@@ -107,7 +110,10 @@ def run(
         compiled_scene = made(scene, energy)
     run = PhaseSequence(made, scene, plan.options.at(values), plan.instants.copy(), began)
     run.accuracy = plan.accuracy
-    if start is not None:
+    key = tuple(values), np.array([*values.values()]).tobytes()
+    if start is None:
+        run.again = plan.left.pop(key, None)
+    else:
         from .resume import resumed
 
         run.scene, run.begin, run.instants = resumed(start, made, scene, values, compiled_scene, energy, run.instants)
@@ -145,7 +151,11 @@ def run(
         error = RunBroken("BR710", f"{what}, after t = {run.reached:.9g} s")
         error.result = result
         raise error from broken
-    return run.result("")
+    result = run.result("")
+    phase = run.legs[0].left() if len(run.legs) == 1 and start is None else None
+    if phase is not None:
+        keep(plan.left, key, phase, MOST)
+    return result
 
 
 def _planned(model: CompiledModel, scene: Scene, wanted: RunOptions, target: str) -> PlannedRun:

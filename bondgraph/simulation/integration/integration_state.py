@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from ..events.locate import Flip, StateAt
     from ..integrators.compiled.run import CompiledMethod
     from ..integrators.exponential import Linear
-    from ..segments.run_values import RunValues
 
 Powers = Callable[[Any, Any, Any], Any]  # times, states (…, n), mode -> (…, ports)
 MOST_KNOWN = 64  # most modes whose signals are cached
@@ -128,6 +127,13 @@ class IntegrationState:
         self.methods: dict[bytes, int] = {}  # methods chosen, by mode: each spectrum is examined once
         self.result = into if into is not None else empty(program, instants)
 
+    def begin_again(self, instants: Array, watch: ValidityMonitor, choice: Choice | None, into: Trajectory) -> None:
+        """Begin another run from the same state with the same values, without events."""
+        self.instants, self.watch, self.choice, self.result = instants, watch, choice, into
+        self.steps, self.position, self.traffic, self.reached = 0, 0, 0.0, -np.inf
+        self.exponentials, self.forms = {}, {}  # how many are found is told of each run
+        self.__dict__.pop("loops", None)
+
     @cached_property
     def tolerances(self) -> Tolerances:
         found = self._tolerances()
@@ -155,11 +161,6 @@ class IntegrationState:
         from ..constraints.singular import SingularPoseMonitor
 
         return SingularPoseMonitor(self.constraints, self.loops, self.result.poses)
-
-    @property
-    def run_values(self) -> RunValues | None:
-        """Values of the run, with what earlier runs have found for them."""
-        return self.constraints.known
 
     def key_at(self, stretch: Segment, x: Array) -> tuple[object, ...]:
         """Return all that decides, beside the values of the run, how a segment goes from a state."""

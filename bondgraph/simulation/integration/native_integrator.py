@@ -68,23 +68,19 @@ def _solver(stepper: IntegrationState, stretch: Segment, x: Array, method: int) 
     return solver
 
 
-def beginning_key(stepper: IntegrationState, stretch: Segment, x: Array) -> object:
-    """Return all that decides how the steps of a run begin, beside its values; None if more does, or the workspace is large."""
-    program = stepper.program
-    more = (
-        program.hybrid is not None or stepper.powers is not None or stepper.extremes is not None or stepper.constraints
-    )
-    if more or obstacle(program) or stepper.history is not None or len(x) > LARGEST_SPARE:
-        return None
-    return stepper.key_at(stretch, x), stepper.solver, stepper.longest, stepper.result.settled
+def is_repeatable(stepper: IntegrationState) -> bool:
+    """Return True if another run with the same values and options may begin with the workspace of this one as it began; a large one is not kept."""
+    program, monitors = stepper.program, (stepper.powers, stepper.extremes, stepper.leaving, stepper.history)
+    plain = program.hybrid is None and not stepper.constraints and all(monitor is None for monitor in monitors)
+    return plain and not obstacle(program) and len(program.variables.names) <= LARGEST_SPARE
 
 
 @dataclass(slots=True)
 class Beginning:
-    """Beginning of the steps of a segment: its key, the method with evaluations of the trial steps that chose it, True if it is also that of all
-    further segments, and the workspace, if a run has begun alike."""
+    """Beginning of the steps of a segment: True if another run may begin so, the method with evaluations of the trial steps that chose it, True if it is
+    also that of all further segments, and the workspace, if a run has begun so."""
 
-    key: object
+    repeatable: bool
     method: int
     evaluations: Mapping[str, int]
     settled: bool
@@ -138,7 +134,7 @@ class NativeIntegrator:
             solver.begin()
         if solver.native and METHODS[method].exact:
             self.tolerances.kept["workspace"] = solver
-        if begins.key is not None and size is None:
+        if begins.repeatable and size is None:
             solver.save()
             begins.workspace = solver
         if solver.native and method in CHOSEN and stepper.events is not None:
@@ -147,11 +143,6 @@ class NativeIntegrator:
             if is_passable(stepper):
                 self.events = PassedEvents(stepper, solver)
                 self.events.begin(stretch.mode, method)
-
-    def release(self) -> None:
-        """Leave the workspace to the next run with the same values."""
-        if self.begins.workspace is not None and self.stepper.run_values is not None:
-            self.stepper.run_values.spend(self.begins.key, self.begins)
 
     def begin_at(self, stretch: Segment, x: Array, method: int) -> None:
         """Go on with another segment."""

@@ -17,19 +17,21 @@ from .stateless import without_states
 
 if TYPE_CHECKING:
     from ..segments.trajectory import Trajectory
-    from .native_integrator import NativeIntegrator
+    from .native_integrator import Beginning, NativeIntegrator
 
 
 class SegmentIntegrator(IntegrationState):
     """Integrator over successive smooth segments, with the requested results."""
 
     machine: NativeIntegrator | None = None  # the integrator of steps, from the first segment on
+    begins: Beginning | None = None  # of the steps of an earlier run with the same values, or of this one for the next
     has_conditions = False  # True if conditions on states are located
 
     def let_go(self) -> None:
         """Release the integrator of steps, which refers to this object, so that memory is freed at once, without the garbage collector."""
-        if self.machine is not None:
-            self.machine.release()
+        if self.machine is not None and self.machine.begins.workspace is not None:
+            self.begins, tolerances = self.machine.begins, self.tolerances
+            self._tolerances = lambda: tolerances  # without the phase, which refers to this object
         self.machine = None
 
     def through(self, state: Array, stretches: Sequence[Segment]) -> Trajectory:
@@ -109,14 +111,12 @@ class SegmentIntegrator(IntegrationState):
     def _by_steps(self, stretch: Segment, x: Array) -> Any:
         """Integrate one segment by a method that chooses its steps."""
         from .method import method_of
-        from .native_integrator import Beginning, NativeIntegrator, beginning_key, target_of
+        from .native_integrator import Beginning, NativeIntegrator, is_repeatable, target_of
 
-        target, machine = target_of(self), self.machine
-        key = beginning_key(self, stretch, x) if machine is None else None
-        values = self.run_values
-        begins: Beginning | None = None if key is None or values is None else values.spare.pop(key, None)
-        if begins is None:
-            begins = Beginning(key, *method_of(self, stretch, x, target == "native"))
+        target, machine, begins = target_of(self), self.machine, self.begins
+        if begins is None or machine is not None:
+            repeatable = machine is None and is_repeatable(self)
+            begins = Beginning(repeatable, *method_of(self, stretch, x, target == "native"))
             self.check_rates(stretch.start, x, stretch.mode)
         method = begins.method
         self.count(begins.evaluations)

@@ -25,7 +25,6 @@ class RunValues:
     inputs: Any
     constants: Any
     answers: dict[str, dict[object, Any]] = field(default_factory=dict)
-    spare: dict[object, Any] = field(default_factory=dict)  # what a run has used and another one may use after it
 
     def recall(self, kind: str, key: object, find: Callable[[], Any], size: Callable[[Any], int]) -> Any:
         """Return the answer of a kind for a key, which nobody changes; found at its first use. It depends on these values and the key alone.
@@ -39,10 +38,6 @@ class RunValues:
             if size(answer) <= LARGEST:
                 keep(answers, key, answer, ANSWERS)
         return answer
-
-    def spend(self, key: object, thing: Any) -> None:
-        """Leave what a run has used to the next one, which pops it from `spare`."""
-        keep(self.spare, key, thing, MOST)
 
 
 def run_values(program: Program, parameters: Array) -> RunValues:
