@@ -124,7 +124,7 @@ class Phase:
         self.extremes: ExtremesMonitor | None = None
         self.balance: EnergyBalance | None = None
         self.stepper: SegmentIntegrator | None = None  # the integrator, if another run may go through this phase again
-        self.told: tuple[Any, ...] = ((), ())  # notes and doubts before the end
+        self.remarks: tuple[Any, ...] = ((), ())  # notes and doubts before the end
 
     def left(self) -> Phase | None:
         """Return this finished phase without its results, for `begun_again`; None if another run cannot go through it."""
@@ -137,7 +137,7 @@ class Phase:
 
     def begun_again(self, instants: Array) -> Phase:
         """Return this phase as it began, for another run with the same values and options."""
-        self.instants, self.whole, (self.notes, self.doubts) = instants, False, self.told
+        self.instants, self.whole, (self.notes, self.doubts) = instants, False, self.remarks
         self.watch = ValidityMonitor(self.program, self.constants, self.inputs, self.options.rtol)
         return self
 
@@ -302,7 +302,7 @@ class Phase:
         if self.options.extremes:
             self.extremes = ExtremesMonitor(self._solution().output, len(program.outputs.names))
         self.integrate(self.choice)
-        self.told = self.notes, self.doubts
+        self.remarks = self.notes, self.doubts
         self._end_where_stopped()
         self._finish()
         self.values = self._solution().outputs(self.watch)
@@ -407,7 +407,7 @@ class Phase:
         if kept is None:
             return lambda: None
         identity, off, preferences = self.compilation.facts.identity, self.off, self.scene.preferences
-        known, modes = self.known if self.moved is None else self.moved, modes_in(self.constraints, kept.mode)
+        sizes, modes = self.known if self.moved is None else self.moved, modes_in(self.constraints, kept.mode)
         past = None if self.history is None else self.history.past(kept.remembered)
 
         def checkpoint() -> Checkpoint:
@@ -415,7 +415,7 @@ class Phase:
             count = len(program.states.names)
             return Checkpoint(
                 identity, dict(zip(program.parameters.names, parameters.tolist(), strict=True)), kept.time, until, stored, peaks,
-                dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)), dict(known), modes,
+                dict(zip(program.unknowns.names, kept.state[count:].tolist(), strict=True)), dict(sizes), modes,
                 tuple((owner, place, on) for (owner, place), on in kept.on.items()), off, preferences, past,
             )  # fmt: skip
 
@@ -425,11 +425,11 @@ class Phase:
         """Return the function that makes the records of the events that acted."""
         if self.events is None:
             return list
-        log, notes, kept = self.events.log, self.events.hybrid.events, self.program.kept
+        log, notes, cache = self.events.log, self.events.hybrid.events, self.program.kept
 
         def records() -> list[EventRecord]:
             acted = [(h.time, i) for h in log for i in h.events if not notes[i].sampled]
-            places = kept.setdefault("places of events", {})
+            places = cache.setdefault("places of events", {})
             places |= {i: notes[i].span.file_and_line for i in {i for _, i in acted} - places.keys()}
             return [EventRecord(t, notes[i].words, notes[i].owner, places[i], notes[i].stops) for t, i in acted]
 
