@@ -211,6 +211,8 @@ class ValueWriter:
             array = self._value(node.value)
             if array.kind not in ITEMS:
                 raise self._fail(node, "only arrays have items")
+            if isinstance(node.slice, ast.UnaryOp):
+                raise self._fail(node, "items are counted from the first, as in C")
             index = self._as(self._value(node.slice), INT, node)
             item = ITEMS[array.kind]
             found = self._emit(None, f"getelementptr inbounds {item}, ptr {array.text}, i64 {index.text}")

@@ -223,6 +223,10 @@ def a_float_as_condition(x: float) -> float:
     return 1.0 if x else 2.0
 
 
+def the_last_item(x: Floats) -> float:
+    return x[-1]
+
+
 def test_a_tuple_of_functions_is_called_by_a_number() -> None:
     """Any number beyond the last calls the last."""
     compiled = loaded(chosen, ctypes.c_double, ctypes.c_double, ctypes.c_int64)
@@ -243,6 +247,7 @@ def test_whole_numbers_are_conditions() -> None:
         (of_no_functions, "`FACTOR` is no tuple of functions of one type"),
         (a_called_field, "only functions can be called"),
         (a_float_as_condition, "not a truth"),
+        (the_last_item, "counted from the first"),
     ],
 )
 def test_what_can_be_neither_called_nor_asked_is_told(function: Callable[..., Any], why: str) -> None:

@@ -14,7 +14,7 @@ from .zero_crossings import truth
 
 NOISE = 1e-13  # relative to the magnitudes: rounding in a root that is zero
 REACHES = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the magnitudes: how far the flow is followed to find a sign
-TRIES = len(REACHES)
+TRIES, FARTHEST = len(REACHES), REACHES[-1]
 # Reaches, their number, and iterations at them: a motion from rest as t^n shows itself in the n-th.
 FAR, FARTHER, FURTHER = (1e-2, 1e-1), 2, 8
 SLOWLY = -2  # what `sought` says of a sign that these iterations have found
@@ -309,7 +309,7 @@ def reread(k: IndicatorWorkspace) -> int:
 
     Conditions whose root and its motion the events left as they were (`keep`) keep their truth: a motion from rest is too slow to be seen ahead.
     """
-    span = REACHES[-1] * k.whole if k.flows != 0 else 0.0
+    span = FARTHEST * k.whole if k.flows != 0 else 0.0
     for i in range(k.n):
         k.later[i] = k.state[i] + (span * k.rate[i] if i < k.count else 0.0)
     k.roots(k.time + span, k.later, k.inputs, k.constants, k.mode, k.change)
