@@ -407,7 +407,7 @@ class Compilation:
         unknown = {u.variable: i for i, u in enumerate(space.unknowns)}
         laws = tuple((unknown[w.row], unknown[w.argument], unknown[w.value], w.effort) for w in space.laws)
         return RunMetadata(
-            mechanisms, storages, bool(space.claims), shown, units, positive, self.truths, looped, identity(self._as_written),
+            mechanisms, storages, bool(space.claims), shown, units, positive, self.truths, self._built.counted, looped, identity(self._as_written),
             _following(space, places), self.valves, self.gaps,
             integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later), self.graph.undetermined,
         )  # fmt: skip

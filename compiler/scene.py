@@ -225,6 +225,7 @@ class RunMetadata:
     units: Mapping[str, str]  # of quantities set when a run begins
     positive: tuple[tuple[str, Formula], ...]  # expressions that must not be negative, over parameters by name
     truths: frozenset[str]
+    counted: frozenset[str]  # set with a unit, though a bare number would fit
     looped: frozenset[str]  # quantities set when a run begins, on which the solution of a linear loop depends
     identity: str = ""  # of the equations: a run continues only from a result of the same
     # Variables and outputs that share a state: the state, and the factor if no parameter determines it.

@@ -32,6 +32,7 @@ SWEEPS = 12  # inverse iterations with the vectors of a cluster
 SHIFT = 0.0137  # of the distance of the next eigenvalue: the shift of these, so that each gains two digits
 TRIES = 16  # clusters looked for
 SEED = 20
+PARALLEL = 1e-3  # least singular value of unit vectors of one Jordan block, which rounding of its root keeps apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,7 @@ def bounded_eigenvalues(A: Array, sizes: Array | None = None, lossless: bool = F
         if not np.isfinite(new_bounds).all() or not new_bounds.sum() < 0.5 * before:
             break
         values[again], bounds[again], shapes[:, again] = new_values, new_bounds, new_shapes
+    vectors = shapes / np.linalg.norm(shapes, axis=0)
     if len(A) <= EXTENDED:
         _gather(balanced, terms, values, bounds, shapes)
     undamped = (np.abs(values.real) <= bounds) & (np.abs(values.imag) > bounds)
@@ -99,6 +101,7 @@ def bounded_eigenvalues(A: Array, sizes: Array | None = None, lossless: bool = F
         rows, columns = equilibrated(balanced, float(np.abs(values[undamped]).min()))
         balanced = np.where(np.abs(balanced) > ROUNDED * rows[:, None] * columns, balanced, 0.0)
     undamped &= bool(undamped.any()) and two_sided(balanced)
+    undamped[undamped] = ~_defective(values, bounds, vectors, undamped)
     return Eigenvalues(np.where(undamped, 1j * values.imag, values), bounds, undamped, shapes * scale[:, None])
 
 
@@ -202,6 +205,12 @@ def _cluster_around(A: Array, terms: Array, values: ComplexArray, bounds: Array,
             gain = one and error < float(bounds[members].max())
             return (members, mean if abs(mean) > error else 0j, radius, basis) if gain else None
     return None
+
+
+def _defective(values: ComplexArray, bounds: Array, vectors: ComplexArray, chosen: Array) -> Any:
+    """Return the mask of chosen eigenvalues with fewer unit vectors than members within their bounds: a Jordan block, whose motion grows with time."""
+    within = [np.abs(values - values[i]) <= 2 * NEAR * bounds[i] for i in np.flatnonzero(chosen)]
+    return np.array([np.linalg.svd(vectors[:, w], compute_uv=False)[-1] < PARALLEL for w in within], dtype=bool)
 
 
 def _invariant(A: Array, terms: Array, near: complex, count: int, gap: float) -> tuple[complex, float, float, Any]:

@@ -167,7 +167,9 @@ def _is_allowed(facts: RunMetadata, name: str, number: _Number) -> bool:
     unit = facts.units[name]
     if not abs(number.value) < float("inf") or (name in facts.truths and number.value not in (0, 1)):
         return False
-    return number.unit is None or number.unit == unit or _scale_of(number.unit).dimension == _scale_of(unit).dimension
+    if number.unit in ("", "1") and name in facts.counted:
+        return False
+    return not number.unit or number.unit == unit or _scale_of(number.unit).dimension == _scale_of(unit).dimension
 
 
 def compiled_in(
@@ -207,7 +209,7 @@ def refused_with_values(model: CompiledModel, experiment: str | None, settings: 
 
 @dataclass(frozen=True, slots=True)
 class _Number:
-    """A number in SI, and the text of its unit; None if any unit is accepted."""
+    """A number in SI, and the text of its unit; None if any unit is accepted, "" of a zero that is written without one."""
 
     value: float
     unit: str | None
@@ -224,7 +226,7 @@ def _number(given: str | float) -> _Number | None:
     sign, number, unit = read
     number = number if plain is None else Fraction(plain[2])
     if not unit:
-        return _Number(sign * float(number), None if number == 0 else "1")
+        return _Number(sign * float(number), "" if number == 0 else "1")
     return _Number(sign * _scale_of(unit).to_si(number), unit)
 
 

@@ -283,3 +283,17 @@ def test_rounding_of_terms_that_cancel_is_no_growth() -> None:
     found = bondgraph.load(text).equilibrium()
     assert found.stable is None and found.verdict.word == "not decided"
     assert max(v.imag for v in found.verdict.undamped) == pytest.approx(math.sqrt(2 / (1.4 * 2)))
+
+
+@pytest.mark.parametrize("coupling", [0.0, 1.0, 1e-3])
+def test_equal_oscillators_that_drive_one_another_in_a_row_are_not_stable(coupling: float) -> None:
+    """Signals that keep no energy: the second one grows with t*sin(t), though both eigenvalues stand on the imaginary axis."""
+    drive = f"{coupling!r}*c"
+    found = bondgraph.load(
+        f"""plain model Row {{
+          parameter k = 1
+          signal a = integral(b, 0), b = integral({drive} - k*a, 0), c = integral(d, 0), d = integral(-k*c, 0)
+          output y = a, z = c
+        }}"""
+    ).equilibrium()
+    assert found.stable is (None if coupling else True)

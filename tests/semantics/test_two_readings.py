@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from bondgraph import UsageError, load
+from bondgraph import UsageError, check, load
 from bondgraph.commands import commands
 from compiler.errors import CompilationFailed
 from compiler.graph.units import UNITS
@@ -134,3 +135,36 @@ def test_a_number_with_two_readings_is_refused() -> None:
     assert model.sweep({"k": "3 [N/m]"}, "equilibrium", experiment=None).table()[0, 1] == pytest.approx(1 / 3)
     mass = load(BOTH.replace("m = 2 m", "m = 2 kg").replace("3 N/m", "3 [N/m]"))  # one reading alone fits
     assert mass.sweep({"k": "3 N/m"}, "equilibrium", experiment=None).table()[0, 1] == pytest.approx(1 / 3)
+
+
+COUNTED = """model Part { parameter a: deg = 30, share = 5 %, gain = 20 dB, T = 20 degC, turns: rev = (1, 2)
+  output y = a }
+model A {
+  parameter a: deg = 30, share = 5 %, gain = 20 dB, T = 20 degC, turns: rev = (1, 2)
+  input u = -30 deg
+  Part part { BRACES }
+  output y = a, z = part.a
+  experiment go { STEP; simulate 0 .. 1 s }
+}"""
+
+
+@pytest.mark.parametrize(
+    "value", ["a = 45", "a = -0.5", "share = 7", "gain = 6", "gain = 0", "T = 0", "turns = (1, 2)"]
+)
+def test_a_bare_number_where_the_unit_makes_another_one(value: str) -> None:
+    """45 of an angle in deg was 45 rad, 0 of a temperature in degC 0 K."""
+    name, _, number = value.partition(" = ")
+    for braces, step in ((value, "set u = 1 rad"), ("a = 1 rad", f"set {value}")):
+        told = [d.sentence for d in check(COUNTED.replace("BRACES", braces).replace("STEP", step))]
+        assert told and all(f"`{name}` is in " in words and "is a bare number" in words for words in told)
+    model = load(COUNTED.replace("BRACES", "a = pi/4").replace("STEP", "set u = pi"))
+    with pytest.raises(CompilationFailed, match="is a bare number"):
+        model.simulate(settings={name: number}, points=2)
+
+
+def test_numbers_that_are_the_same_with_the_unit() -> None:
+    model = load(COUNTED.replace("BRACES", "a = 2*pi/8, share = 0").replace("STEP", "sweep a = 0, 45 deg"))
+    assert model.run()("y").tolist() == pytest.approx([0, math.pi / 4])
+    assert model.run()("z").tolist() == pytest.approx([math.pi / 4] * 2)
+    assert model.simulate(settings={"a": "0", "gain": "6 dB", "T": "0 K"}, points=2).final("y") == 0
+    assert model.simulate(settings={"a": 45}, points=2).final("y") == 45  # a number of Python is one in SI

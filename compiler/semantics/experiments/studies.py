@@ -16,7 +16,7 @@ from ..names.errors import UnknownName, WrongExperiment, WrongValue
 from ..names.scope import Scalar, Scope
 from ..names.statement_errors import Wrong, suggestion, wrong_unit
 from ..network.elaborate import Elaborator
-from ..resolution.cycles import refuse_rates_of_angles
+from ..resolution.cycles import refuse_other_readings, refuse_rates_of_angles
 from .step_attributes import expressions_of, read_attributes, word
 
 
@@ -40,10 +40,13 @@ def read_sweep(
         raise Wrong(WrongExperiment(path.span, f"Nobody reads the swept `{name}`", advice))
     unit = scale_of(step.unit) if step.unit is not None else None
     values: list[float] = []
+    item = next((p.item for p in elaborator.pending if p.name == name), None)
     for value in step.values:
         if entry.choices:
             values.append(_choice(value, name, entry.choices))
             continue
+        if item is not None and unit is None:
+            refuse_other_readings(elaborator, value, root, item)
         template = elaborator.template(value, root, unit)
         elaborator.require_static(template, root, "A swept value")
         for part, formula in zip(parts_of(template.value), template.formulas, strict=True):

@@ -36,7 +36,7 @@ from .functions import FUNCTIONS
 from .lists import each, item_of, parts_of, place_in, product, rows_of, selected, shape_of, shaped, sort_of, total
 from .own_functions import may_read
 from .rates import own_rates, rates_in
-from .scales import bare, is_absolute, scale_of
+from .scales import bare, is_absolute, is_decibel, scale_of
 from .template import (
     Check,
     ListUnits,
@@ -214,7 +214,7 @@ class ExpressionCompiler:
             if self.scope.plain:
                 hint = "A `plain model` has no units; drop the word `plain` to use them."
                 raise Wrong(WrongType(node.unit.span, "A bare number", "a unit", hint))
-            if [symbol for symbol, _, _ in node.unit.factors] == ["dB"]:
+            if is_decibel(node.unit):
                 return Typed(self._finite(10.0 ** float(value / 20) if value < MOST_DECIBELS else math.inf, node), ONE)
             scale = scale_of(node.unit)
             return Typed(self._finite(scale.to_si(value), node), scale.dimension)

@@ -48,6 +48,11 @@ def is_absolute(unit: tree.Unit) -> bool:
     return any(UNITS[symbol].offset for symbol, _, _ in unit.factors if symbol in UNITS)
 
 
+def is_decibel(unit: tree.Unit) -> bool:
+    """Return True for a ratio in dB, which is no scale."""
+    return [symbol for symbol, _, _ in unit.factors] == ["dB"]
+
+
 def counts_radians(unit: str) -> bool:
     """Return True for the text of a unit that has an angle: rad/s and rpm are no frequencies where cycles are counted."""
     return re.search(r"(rad|rev|deg|rpm)\b", unit) is not None

@@ -9,10 +9,10 @@ from typing import Protocol
 
 from ...graph.domains import Domain
 from ...graph.network import Reading
-from ...graph.units import ONE, SECOND
+from ...graph.units import ONE, SECOND, Scale
 from ...syntax import tree
 from ..expressions.rates import opened
-from ..expressions.scales import bare, counts_cycles, counts_radians, scale_of
+from ..expressions.scales import bare, counts_cycles, counts_radians, is_absolute, is_decibel, scale_of
 from ..expressions.template import Check
 from ..names.errors import DimensionMismatch
 from ..names.scope import Entry, Pending, Scalar, Scope
@@ -99,12 +99,45 @@ def _is_number(names: KnownNames, expression: object, scope: Scope) -> bool:
     return isinstance(expression, tree.Literal) and bare(expression) and not OF_A_TURN.search(expression.span.text)
 
 
-def refuse_other_rates(names: KnownNames, value: tree.ExpressionSyntax, scope: Scope, item: tree.Item) -> None:
-    """Raise `Wrong` for the rate of an angle as a quantity in Hz, and for a frequency as one in rad/s or rpm, by its declaration or default."""
-    unit = item.unit or (None if value is item.value else getattr(item.value, "unit", None))
-    if unit is None or scale_of(unit).dimension != ONE / SECOND:
+def refuse_other_readings(names: KnownNames, value: tree.ExpressionSyntax, scope: Scope, item: tree.Item) -> None:
+    """Raise `Wrong` for the rate of an angle as a quantity in Hz, for a frequency as one in rad/s or rpm, by its declaration or default, and for
+    what is set without a unit where it has another reading with that of the declaration or default."""
+    unit = item.unit if value is item.value else unit_of(item)
+    if unit is None:
         return
-    words = unit.span.text
+    words = unit.span.text.strip("[] ")
+    if value is not item.value and is_counted(unit):
+        _refuse_bare(value, item.name, unit, words)
+    elif not is_decibel(unit) and scale_of(unit).dimension == ONE / SECOND:
+        _refuse_rate(names, value, scope, words)
+
+
+def unit_of(item: tree.Item) -> tree.Unit | None:
+    """Return the unit of a declaration, else that of the number in it."""
+    value = item.value.operand if isinstance(item.value, tree.Negative) else item.value
+    return item.unit or getattr(value, "unit", None)
+
+
+def is_counted(unit: tree.Unit) -> bool:
+    """Return True for a unit in which a number is another one than without it, though both fit: deg, %, dB, and of zero degC."""
+    return (
+        is_decibel(unit) or bool((scale := scale_of(unit)).offset) or (scale.dimension == ONE and scale != Scale(ONE))
+    )
+
+
+def _refuse_bare(value: tree.ExpressionSyntax, name: str, unit: tree.Unit, words: str) -> None:
+    """Raise `Wrong` for a bare number in the place of one with a unit, but for a zero that is one in all units."""
+    for part in value.items if isinstance(value, tree.VectorSyntax) else (value,):
+        number = part.span.text
+        zero = not number.strip("+-0. ")
+        if bare(part) and not (zero and not is_decibel(unit) and not scale_of(unit).offset):
+            itself = "0 K" if is_absolute(unit) else f"{number} rad" if counts_radians(words) else f"1*{number}"
+            what = f"`{name}` is in {words}, but `{number}` is a bare number"
+            raise Wrong(DimensionMismatch(part.span, what, f"Write `{number} {words}`, or `{itself}`."))
+
+
+def _refuse_rate(names: KnownNames, value: tree.ExpressionSyntax, scope: Scope, words: str) -> None:
+    """Raise `Wrong` for the rate of an angle in cycles, or a frequency as that of an angle."""
     if counts_cycles(words) and counts_angle(names, value, scope):
         what = f"`{value.span.text}` is the rate of an angle, and {words} counts cycles"
         raise Wrong(DimensionMismatch(value.span, what, f"Write `{in_cycles(value)}`."))

@@ -30,7 +30,7 @@ from ..names.errors import (
 )
 from ..names.scope import Array, InstanceEntry, Items, Pending, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint, wrong_unit
-from .cycles import refuse_other_rates
+from .cycles import refuse_other_readings
 from .elaboration_cache import ElaborationCache
 from .memories import MemoryResolver, constant
 from .resolver import SHOWN
@@ -306,7 +306,7 @@ class QuantityResolver(MemoryResolver):
         if pending.role in UNCHANGING_ROLES:
             self.require_static(template, scope, _known(pending))
         units = self._checked_units(pending, template.value, value, declared)
-        refuse_other_rates(self, value, scope, pending.item)
+        refuse_other_readings(self, value, scope, pending.item)
         if declared is None and self.guesses > guesses:
             units = [part.dimension for part in parts_of(template.value)]
         bounds = [self.bind(template, f, scope) for f in template.formulas]
