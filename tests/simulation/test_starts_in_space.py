@@ -53,3 +53,29 @@ def test_a_rotation_vector_of_body_or_joint(where: str) -> None:
 def test_a_frame_says_how_it_moves() -> None:
     """The tip 2 m above the joint moves at 3 m/s: 1.5 rad/s about y."""
     assert start_of(frame="start x.v = 3 [m/s]")["vx"] == pytest.approx(3, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        "",
+        "free j : ground to top",
+        "free j : ground to top { turn = (0, 1, 0) }",
+        "ball j : ground to top { at = (0, 0, 0) }",
+    ],
+)
+@pytest.mark.parametrize("started", ["", ", start rx.omega = 1 [1/s]", ", start x = 0.5 m"])
+def test_a_turned_body_starts_where_it_is_drawn(joint: str, started: str) -> None:
+    if "ball" in joint and " x" in started:
+        return
+    text = f"""model Drawn {{
+      multibody s : spatial {{
+        body top {{ mass = 2 kg, inertia = [1, 2, 3]*1 [kg*m^2], at = (0.5 m, 0, 0), turn = (0.3, -1.1, 2){started} }}
+        frame tip : top {{ at = (2 m, 1 m, 0) }}
+        {joint}
+      }}
+      output rx = s.top.rx, ry = s.top.ry, rz = s.top.rz, x = s.tip.x, y = s.tip.y, z = s.tip.rz
+    }}"""
+    found = bondgraph.load(text).simulate(to="1 ms", points=2)
+    drawn = {"rx": 0.3, "ry": -1.1, "rz": 2, "x": 2, "y": 1, "z": 0}
+    assert {name: found[name][0] for name in drawn} == pytest.approx(drawn, abs=1e-12)
