@@ -61,37 +61,40 @@ class PortWriter:
         """Ports of a body, at its centre of mass."""
         centre = self.script.place(body.position, f"{body.name} at")
         placed = self.kinematics.placed(body.name, centre, body.name)
-        drawn = of_rotation_vector(
-            self.script, self.script.place(body.turn, f"{body.name} turn", "1"), f"{body.name} drawn"
-        )
-        self._pose(body.name, placed, drawn, centre)
+        self._pose(body.name, placed, self._drawn(body), centre)
+
+    def _drawn(self, body: Body) -> Turn:
+        """Rotation of a body's own axes in the drawing."""
+        vector = self.script.place(body.turn, f"{body.name} turn", "1")
+        return of_rotation_vector(self.script, vector, f"{body.name} drawn")
 
     def frame(self, frame: Frame) -> None:
-        """Ports of a frame, at its point, in world axes or its body's."""
+        """Ports of a frame, at its point, in world axes or its body's own."""
         point = self.script.place(frame.position, f"{frame.name} at")
-        self._pose(
-            frame.name, self.kinematics.placed(frame.body, point, frame.name), NO_TURN, point, frame.axes == "body"
-        )
+        placed = self.kinematics.placed(frame.body, point, frame.name)
+        bodies = [b for b in self.kinematics.mechanism.bodies if b.name == frame.body and frame.axes == "body"]
+        own = [composed(self.script, placed.turn, self._drawn(b), f"{frame.name}.own") for b in bodies]
+        self._pose(frame.name, placed, NO_TURN, point, *own)
 
-    def _pose(self, name: str, placed: Marker, drawn: Turn, point: Vector, own_axes: bool = False) -> None:
+    def _pose(self, name: str, placed: Marker, drawn: Turn, point: Vector, own: Turn | None = None) -> None:
         script, states = self.script, self.kinematics.states.scalars
         letters = PLANAR_POSE if self.planar else POSE
         velocity, spin = placed.velocity, placed.spin
-        if own_axes:
-            velocity = placed.turn.back(script, velocity, f"{name}.v own")
-            spin = placed.turn.back(script, spin, f"{name}.omega own")
+        if own is not None:
+            velocity = own.back(script, velocity, f"{name}.v own")
+            spin = own.back(script, spin, f"{name}.omega own")
         turned = [f"{name}.{c}" in self.efforts for c in letters]
         for i, letter in enumerate(("x", "y") if self.planar else ("x", "y", "z")):
             port = f"{name}.{letter}"
             state = states.get(port)
             pose = state.value if state is not None else script.let(port, point[i] + placed.displacement[i], "m")
             shift = placed.displacement[i] if state is None else state.moved
-            displacement = script.held(f"{port} moved", shift, "m") if turned[i] and not own_axes else None
+            displacement = script.held(f"{port} moved", shift, "m") if turned[i] and own is None else None
             self.result.motions[port] = PortMotion(velocity[i], pose, displacement)
         attitude = composed(script, placed.turn, drawn, f"{name}.pose")
         self._attitude(name, attitude, spin, states, placed)
         if any(turned):
-            self._push(name, placed, own_axes)
+            self._push(name, placed, own)
 
     def _attitude(self, name: str, turn: Turn, spin: Vector, states: Mapping[str, object], placed: Marker) -> None:
         script = self.script
@@ -114,13 +117,13 @@ class PortWriter:
         for i, letter in enumerate(("rx", "ry", "rz")):
             self.result.motions[f"{name}.{letter}"] = PortMotion(spin[i], vector[i], None)
 
-    def _push(self, name: str, placed: Marker, own_axes: bool) -> None:
+    def _push(self, name: str, placed: Marker, own: Turn | None) -> None:
         e = [self.efforts.get(f"{name}.{c}", ZERO) for c in POSE]
         force: Vector = (e[0], e[1], e[2])
         torque: Vector = (e[3], e[4], self.efforts.get(f"{name}.phi", e[5]))
-        if own_axes:
-            force = placed.turn.apply(self.script, force, f"{name}.force")
-            torque = placed.turn.apply(self.script, torque, f"{name}.torque")
+        if own is not None:
+            force = own.apply(self.script, force, f"{name}.force")
+            torque = own.apply(self.script, torque, f"{name}.torque")
         if placed.body != GROUND:
             self.kinematics.push(placed, force, torque, name)
 

@@ -79,3 +79,20 @@ def test_a_turned_body_starts_where_it_is_drawn(joint: str, started: str) -> Non
     found = bondgraph.load(text).simulate(to="1 ms", points=2)
     drawn = {"rx": 0.3, "ry": -1.1, "rz": 2, "x": 2, "y": 1, "z": 0}
     assert {name: found[name][0] for name in drawn} == pytest.approx(drawn, abs=1e-12)
+
+
+def test_axes_of_a_turned_body_are_its_own() -> None:
+    """Velocities of a frame are read, and a force acts, along the axes that `turn` gives, as the inertia does."""
+    text = """model Turned {
+      multibody s : spatial {
+        body top { mass = 2 kg, inertia = [1, 2, 3]*1 [kg*m^2], turn = (0, 0, 30 deg), start x.v = 1 [m/s], start ry.omega = 2 [1/s] }
+        frame own : top { at = (0, 0, 0), axes = body }
+      }
+      Se push : F = 4 N
+      push -> s.own.y
+      output vx = s.own.x.v, vy = s.own.y.v, omega = s.own.rx.omega, ax = der(s.top.x.v), ay = der(s.top.y.v)
+    }"""
+    found = bondgraph.load(text).simulate(to="1 ms", points=2)
+    c, s = np.sqrt(3) / 2, 1 / 2
+    at_first = {"vx": c, "vy": -s, "omega": 2 * s, "ax": -2 * s, "ay": 2 * c}
+    assert {name: found[name][0] for name in at_first} == pytest.approx(at_first, rel=1e-12)
