@@ -155,7 +155,9 @@ class _Growth:
             order = self._order(neighbours, *joint_ranks(free, members, self._group_of, self.kept_in))
             neighbours = self._neighbours(self._forest(free, order))
         self._grow(GROUND, None, members, neighbours)
-        for group in members:
+        # what floats, in any order of declaration: a joint from A to B moves B at the start
+        moved = {self._group_of(j.second) for j in free}
+        for group in sorted(members, key=lambda g: (not any(b.starts for b in members[g]), g in moved)):
             if group not in self.start:
                 self._grow(group, self._float(members[group]), members, neighbours)
         place = {name: self.start[self.group.of(name)] for name in self.group if name != GROUND}

@@ -113,3 +113,18 @@ def test_the_start_of_a_body_that_floats_moves_no_joint(order: tuple[str, ...]) 
     assert [found[n][0] for n in ("turning", "slipping", "v", "omega")] == pytest.approx([0, 0, 2, 0.3], abs=1e-14)
     for name in ("x", "y", "turn", "slip"):
         assert found[name] == pytest.approx(first[name], abs=1e-7)
+
+
+def test_the_order_does_not_decide_which_of_two_floating_bodies_a_start_moves() -> None:
+    """A start of a joint from one body to another moves the other one."""
+    a = "body a { mass = 1 kg, inertia = 1 [kg*m^2], at = (0, 0) }"
+    b = "body b { mass = 2 kg, inertia = 3 [kg*m^2], at = (2 m, 0) }"
+    joint = "hinge pin : a to b { at = (1 m, 0), start phi = 90 deg }"
+    places = {
+        tuple(
+            round(float(Model(Source("made.bg", text)).simulate(to=1e-3, points=2)[name][0]), 12) for name in ("x", "y")
+        )
+        for parts in itertools.permutations((a, b, joint))
+        for text in [f"model A {{\n multibody m : planar {{\n{'; '.join(parts)}\n }}\n output x = m.b.x, y = m.b.y }}"]
+    }
+    assert places == {(1.0, 1.0)}
