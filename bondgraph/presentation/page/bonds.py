@@ -7,6 +7,7 @@ balance.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -96,10 +97,12 @@ class _KnownColumns:
 
     def _name(self, node: GraphNode, port: int, variable: str) -> str:
         """Return the name of a port's variable in the language; empty if it has none."""
-        junction = node.name.partition(" ")[0]
-        if isinstance(node, Element) and junction in self.junctions:
-            return f"{junction}.{variable}" if _shared(self.junctions[junction]) == variable else ""
         if isinstance(node, Element):
+            declared = node.name.partition(" (")[0]
+            if not re.match(rf"{re.escape(declared.rpartition('.')[2].partition('[')[0])}\b", node.span.text):
+                return ""  # no text declares it: a part of a lever of axes, the gap of a valve
+            if declared in self.junctions:
+                return f"{declared}.{variable}" if _shared(self.junctions[declared]) == variable else ""
             if len(node.ports) == 1:
                 return f"{node.name}.{variable}"
             name = node.ports[port].name

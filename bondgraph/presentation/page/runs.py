@@ -21,6 +21,9 @@ from .scene import Scenes, scenes_of
 
 OUTPUTS = 24  # most curves of one run
 POINTS = 2001  # most instants of a plot
+COARSE = 0.03  # largest difference of energies by every second instant, relative to the largest
+ROUNDING = 1e-6  # of what went to and fro
+BETWEEN = 20  # most steps of the solver for an instant: else equal phases of a period may be all that is seen
 
 
 @dataclass(frozen=True)
@@ -94,15 +97,31 @@ def _along(watched: PageModel, result: Result) -> dict[str, Any]:
         "time": packed(result.time[kept], single=False),
         "bonds": packed(columns[:, kept]),
         "poses": packed([result[name][kept] for name in watched.scenes.names], single=False),
-        "energy": packed(energies(watched, result.time, columns)[:, kept]),
+        "energy": packed(shown_energies(watched, result, columns)[:, kept]),
     }
+
+
+def shown_energies(watched: PageModel, result: Result, columns: Array) -> Array:
+    """Return the energies of a run; NaN, which is not shown, where its instants are too few for the trapezoidal rule."""
+    import numpy as np
+
+    found, coarse = (_integrals(watched, result.time[::n], columns[:, ::n]) for n in (1, 2))
+    apart = np.abs(coarse[:3, -1] - found[:3, ::2][:, -1]).max()
+    least = COARSE * np.abs(found[:3]).max() + ROUNDING * found[3, -1]
+    between = result.steps > BETWEEN * len(result.time)
+    return np.full_like(found[:3], np.nan) if between or apart > least else found[:3]
 
 
 def energies(watched: PageModel, time: Array, columns: Array) -> Array:
     """Return supplied, dissipated and stored energy since the start of a run, shape (3, instants), in J: powers by the trapezoidal rule."""
+    return _integrals(watched, time, columns)[:3]
+
+
+def _integrals(watched: PageModel, time: Array, columns: Array) -> Array:
+    """Return the energies, and what went to and fro in all."""
     import numpy as np
 
-    sums = np.zeros((3, len(time)))
+    sums = np.zeros((4, len(time)))
     for _, kind, around in watched.powers:
         into = power_into(watched, columns, around)
         if into is not None:
@@ -110,8 +129,9 @@ def energies(watched: PageModel, time: Array, columns: Array) -> Array:
             place, sign = (0, -1.0) if supplied else (1 if lost else 2, 1.0)
             if kind not in letters("transducer"):
                 sums[place] += sign * into
+            sums[3] += np.abs(into)
     steps = np.diff(time) * (sums[:, 1:] + sums[:, :-1]) / 2
-    return np.concatenate([np.zeros((3, 1)), np.cumsum(steps, axis=1)], axis=1)
+    return np.concatenate([np.zeros((4, 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
 def power_into(watched: PageModel, columns: Array, around: Sequence[tuple[int, float]]) -> Any:
