@@ -97,6 +97,7 @@ def test_all_parts_are_there(page: str) -> None:
         "current",
     ]
     assert len(data["modes"]) == 2 and data["modes"][0]["frequency"] == pytest.approx(SLOW, rel=1e-6)
+    assert re.search(r"of (1 degree|\d\d?(?<!\b1) degrees) of freedom", page)
     assert "is in derivative form" in page and "linear-implicit ODE" in page
     nodes = {n["name"]: n["at"] for n in data["parts"]["nodes"]}
     assert nodes["gearbox"] == ["0:18"]  # the line of the text that declares it

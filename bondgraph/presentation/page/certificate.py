@@ -5,7 +5,7 @@ from __future__ import annotations
 from compiler.api import Certificate, Compilation, Diagnostic
 
 from ..text.causality import explain
-from ..text.tables import some_of
+from ..text.tables import counted, some_of
 from .markup import Html, joined, table, tag, text
 
 ROWS = 400
@@ -16,7 +16,7 @@ def certificate_markup(certificate: Certificate) -> Html:
     facts: list[tuple[str, str]] = [
         ("form", certificate.form),
         ("index as written", str(certificate.index)),
-        ("states", f"{len(certificate.states)}, of {certificate.degrees_of_freedom} degrees of freedom"),
+        ("states", f"{len(certificate.states)}, of {counted(certificate.degrees_of_freedom, 'degree')} of freedom"),
         ("equations", ", ".join(_words(certificate))),
         ("in derivative form", _listed(certificate.dependent)),
         ("sharing a state", _listed(certificate.following)),
@@ -62,7 +62,7 @@ def causality_markup(compilation: Compilation) -> Html:
         parts.append(tag("p", "All storages are in integral form, and there is no algebraic loop."))
     strokes = ((tag("code", r.bond), r.effort_from, r.flow_from, r.why, r.place) for r in found.strokes[:ROWS])
     listing = table(strokes, ("bond", "effort from", "flow from", "why", "line"))
-    summary = tag("summary", f"{len(found.strokes)} strokes, one by one")
+    summary = tag("summary", f"{counted(len(found.strokes), 'stroke')}, one by one")
     return joined([*parts, tag("details", summary, listing)])
 
 
