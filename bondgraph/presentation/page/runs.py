@@ -105,11 +105,11 @@ def shown_energies(watched: PageModel, result: Result, columns: Array) -> Array:
     """Return the energies of a run; NaN, which is not shown, where its instants are too few for the trapezoidal rule."""
     import numpy as np
 
-    found, coarse = (_integrals(watched, result.time[::n], columns[:, ::n]) for n in (1, 2))
-    apart = np.abs(coarse[:3, -1] - found[:3, ::2][:, -1]).max()
-    least = COARSE * np.abs(found[:3]).max() + ROUNDING * found[3, -1]
+    fine, coarse = (_integrals(watched, result.time[::n], columns[:, ::n]) for n in (1, 2))
+    apart = np.abs(coarse[:3, -1] - fine[:3, ::2][:, -1]).max()
+    least = COARSE * np.abs(fine[:3]).max() + ROUNDING * fine[3, -1]
     between = result.steps > BETWEEN * len(result.time)
-    return np.full_like(found[:3], np.nan) if between or apart > least else found[:3]
+    return np.full_like(fine[:3], np.nan) if between or apart > least else fine[:3]
 
 
 def energies(watched: PageModel, time: Array, columns: Array) -> Array:
