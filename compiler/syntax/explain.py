@@ -208,7 +208,7 @@ def _missing(token: Token, expected: set[str], before: str, after: str) -> str:
     if token.type not in ("NAME", "NUMBER") or "NAME" in expected:
         return ""
     number_with_unit = re.search(r"(?<![A-Za-z0-9_.])([0-9][0-9.]*(?:[eE][+-]?[0-9]+)?)[ \t]+([A-Za-z_]\w*)$", before)
-    factor = re.match(r"[A-Za-z_]\w*(?:\^-?[0-9]+)?", after)
+    factor = re.match(r"[A-Za-z_]\w*(?:\^-?[0-9]+)?(?:/(?:m|s|rad|kg|A|V|K)\b(?:\^[0-9])?)?", after)
     if number_with_unit and factor:
         return f"A unit of several symbols stands in brackets: `{number_with_unit[1]} [{number_with_unit[2]}*{factor[0]}]`."
     if "MODEL" in expected:

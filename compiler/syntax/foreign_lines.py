@@ -54,6 +54,9 @@ _IN_AN_EXPERIMENT = (
     ),
 )
 _ROWS = (
+    (r"\bstart\s+(?P<a>-?\d[^;{},]*)", "A start names what it is of: `start x = {a}`."),
+    (r"^\s*output\s+(?P<a>\w+)\s*=\s*(?P<b>.+?)\s+in\s+(?P<c>\S+)$", "The unit stands behind the name: `output {a}: {c} = {b}`."),
+    (r"\((?P<a>[^()]*)\)\s*(?P<b>[a-z]{1,2})\b(?!\s*[=(])", "Each item of a list has its unit: `({a} {b})`."),
     (
         r"^\s*(?:parameter|constant|signal|string|String)\s+(?P<a>\w+)\s*=\s*[\"'].*",
         "A word is one of several, `parameter {a}: {{ one, other }} = one`; a file is named in a list, `parameter ys = column(\"curve.csv\", \"force\")`, "
@@ -102,7 +105,7 @@ _ROWS = (
     (r"^\s*function\s+\w+\s*=.*|^\s*\w+\s*=\s*@\s*\(.*", "A function is one expression: `function f(x) = 2*x`."),
     (r"(?P<a>\w+)\{\s*(?P<b>\d+)\s*\}", "An item of an array has an index in brackets: `{a}[{b}]`."),
     (r"^\s*every\s+[^{]*\{?", "The words of an `every` are `offset`, `delay`, `jitter` and `seed`: `every 1 ms offset 0.2 ms {{ … }}`."),
-    (r"^\s*when\b.*\bthen\b.*", "An event is `when condition {{ name = value }}`; it sets what elements store, modes and integrals."),
+    (r"^\s*when\b.*(?:\bthen\b|:).*", "An event is `when condition {{ name = value }}`; it sets what elements store, modes and integrals."),
     (r"(?:=\s*if\b|\bif\b.*\bthen\b|\?).*", "A choice is `a if condition else b`."),
     (r"\breinit\s*\(\s*(?P<a>[\w.]+)\s*,\s*(?P<b>[^;]*)\)", "An event sets by an equation, whose right side reads the values before it: `{a} = {b}`."),
     (r"^\s*\}?\s*else?when\b.*", "Each condition has a `when` of its own: `when x > 1 {{ … }}`."),
@@ -138,7 +141,7 @@ _ROWS = (
         "A function is one expression: `function {a} = {b}`.",
     ),
     (r"^\s*(?:def\s+|function\s+)(?P<a>\w+\s*\([^)]*\)).*", "A function is one expression: `function {a} = 2*x`."),
-    (r"^\s*for\s*\(?\s*(?P<a>\w+)\s*(?:=|in)\s*(?P<b>\w+)\s*(?::|\.\.)\s*(?P<c>\w+).*", "A loop is `for {a} in {b}..{c} {{ … }}`."),
+    (r"^\s*for\s*\(?\s*(?P<a>\w+)\s*(?:=|in)\s*(?P<b>\w+)\s*(?::|\.\.|\bto\b)\s*(?P<c>\w+).*", "A loop is `for {a} in {b}..{c} {{ … }}`."),
     (r"^\s*for\s*\(?\s*(?P<a>\w+)\s+in\s+range\s*\(\s*(?P<b>\w+)\s*\).*", "A loop counts from one number to another: `for {a} in 1..{b} {{ … }}`."),
     (r"(?P<a>[\w.]+)\s*\\\s*(?P<b>[\w.]+|[\[(].*?[\])])", "A linear system is solved by `solve({a}, {b})`."),
     (r"\[[^\[\]]*;.*", "The rows of a matrix stand in brackets of their own: `[[1, 2], [3, 4]]`."),

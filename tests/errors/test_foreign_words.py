@@ -110,6 +110,10 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("multibody arm : planar { body bob { mass = 1 kg }; revolute pin : ground to bob }", "`hinge`", ""), ("multibody arm : planar { body bob { mass = 1 kg }; hinge pin : ground -> bob }", "`ground to bob`", ""),
     ("multibody arm : planar { body bob { mass = 1 kg, inertia = 1 [kg*m^2] }; hinge pin : ground to bob }\n  output phi = pin.phi", "`arm.pin`", "multibody arm : planar { body bob { mass = 1 kg, inertia = 1 [kg*m^2] }; hinge pin : ground to bob }\n  output phi = arm.pin.phi"),
     ('parameter file = "road.csv"', '`parameter ys = column("curve.csv", "force")`', ""), ("0 n3 : three phase", "`0 node : electric[3]`", "0 n3 : electric[3]; R r3(p: electric[3]) : u = 2 ohm*i; n3 => r3"),
+    ("C soft : F = 10 [N/m]*x { start 0.1 m }; body -> soft", "`start x = 0.1 m`", "C soft : F = 10 [N/m]*x { start x = 0.1 m }; body -> soft"),
+    ("output speed = mass.v in mm/s", "`output speed: mm/s = mass.v`", "output speed: mm/s = mass.v"), ("when mass.v < 0: mass.v = 0", "when condition {", "when mass.v < 0 { mass.v = 0 }"),
+    ("constant at = (0, -0.5) m", "`(0, -0.5 m)`", "constant at = (0, -0.5 m)"), ("for i = 1 to 3 { 1 j[i] }", "for i in 1..3", "for i in 1..3 { 1 j[i]; body -> j[i] }"),
+    ("Se hot : T = 80 C", "`degC`", "Se hot : T = 80 degC; R wall : S_dot = 1 [W/K^2]*T; hot -> wall"), ("R r2 : F = 0.1 N s/m*v", "`0.1 [N*s/m]`", "R r2 : F = 0.1 [N*s/m]*v; body -> r2"),
     ("0 n3 : three_phase", "`electric[3]`", ""), ("0 far; R r2 : F = 2 [N*s/m]*v; body -> r2 -> far", "`-> 1(r2) -> far`", ""), ("experiment e { simulate 0:0.01:5 }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
 ]  # fmt: skip
 
@@ -139,7 +143,7 @@ def test_there_are_many() -> None:
 WHOLE = [  # texts outside of a model, and what is told of them
     ("import Modelica.Electrical.Analog.Basic.Resistor;\nmodel A { }", "`import Resistor from electric`"), ("component spring\n  nodes\n", "`model spring { … }`"),
     ("* RC low pass\nR1 in out 1k\n", "A comment begins with `#`"), ("model Osc:\n    C spring : F = k*x\n", "`model Osc { … }`"), ("def force(x):\n    return k*x\n", "`function force(x) = 2*x`"), ("C spring : F = force(x)\n", "all else stands in `model Name { … }`"),
-    ("model A { parameter m = 1 kg, k = 100 N/m; C spring : F = k*x; Se push : F = 1 N; push -> spring }", "write `100 [N/m]`"),
+    ("model A {\n  parameter m = 1 kg, k = 100 N/m\n  Se push : F = m*sin(2 s)\n}", "Divide by a reference"), ("model A { parameter m = 1 kg, k = 100 N/m; C spring : F = k*x; Se push : F = 1 N; push -> spring }", "write `100 [N/m]`"),
 ]  # fmt: skip
 
 

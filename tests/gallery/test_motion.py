@@ -224,9 +224,9 @@ def test_sampled_servo() -> None:
         estimate = A @ estimate + B * force + np.array([0.4, 30]) * (state[0] - estimate[0])
         state = A @ state + B * force
         target = 0.01 - target if sample % 200 == 0 else target
-    found = run("sampled_servo", points=601)
-    np.testing.assert_allclose(np.stack([found["x"], found["v"]], 1), exact, atol=1e-13)
-    assert not found.notes
+    result = run("sampled_servo", points=601)
+    np.testing.assert_allclose(np.stack([result["x"], result["v"]], 1), exact, atol=1e-13)
+    assert not result.notes
 
 
 def test_predators_and_prey() -> None:

@@ -22,7 +22,7 @@ model Hard {
 # A law with a number in an unusual unit, and that unit in SI.
 UNITS = (
     ("C {n} : F = {v} [lbf/inch]*x", "C {n} : F = {v}*{si!r} [N/m]*x", 4.4482216152605 / 0.0254),
-    ("C {n} : F = {v} [kgf/mm]*x", "C {n} : F = {v}*{si!r} [N/m]*x", 9806.65),
+    ("C {n} : F = {v} [kgf/m]*x", "C {n} : F = {v}*{si!r} [N/m]*x", 9.80665),
     ("R {n} : F = {v} [hp*min^2/ft^2]*v", "R {n} : F = {v}*{si!r} [N*s/m]*v", 745.6998715822702 * 3600 / 0.3048**2),
     ("R {n} : F = {v} [lb/h]*v", "R {n} : F = {v}*{si!r} [N*s/m]*v", 0.45359237 / 3600),
     ("I {n} : p = {v} [lb]*v", "I {n} : p = {v}*{si!r} [kg]*v", 0.45359237),

@@ -21,6 +21,8 @@ from .errors import DimensionMismatch
 _CANDIDATE = re.compile(
     r"\d\s*[A-Za-z%\u03a9\u2126\u00b5\u03bc]+\s*(?:[*/]\s*([A-Za-z]\w*)\b(?!\s*(?:\.(?!\.)|[(\[]))|(\^))"
 )
+_NAME = re.compile(r"[A-Za-z_]\w*")
+_CELSIUS = re.compile(r"in \[K\].*(?:is in \[C\]|reported in C$)")
 Value = TypeVar("Value")
 _SIGNS = {1: "*", -1: "/"}
 # Parts are read with a point only, so `9.81 m/s^2` is clear beside an element `m`.
@@ -171,15 +173,32 @@ def unit_notes(syntax: SyntaxTree) -> Iterator[str]:
 
 
 def with_readings(diagnostics: Sequence[Diagnostic], syntax: SyntaxTree) -> list[Diagnostic]:
-    """The same errors, where the first one of units names such products: beside a mass `m` the units of `100 N/m` are told as those of 100 N."""
-    found = list(diagnostics)
-    first = next((i for i, item in enumerate(found) if isinstance(item, DimensionMismatch)), None)
-    if first is not None and (notes := [note for note, _ in zip(unit_notes(syntax), range(2), strict=False)]):
-        item = found[first]
-        assert isinstance(item, DimensionMismatch)
-        told = "".join(f"In {note.replace(': ', ' ', 1)}. " for note in notes)
-        found[first] = replace(item, hint=told + item.hint)
-    return found
+    """The same errors; those of units name such products on their lines and behind the names on them: beside a mass `m`, `100 N/m` is 100 N over it."""
+    if not any(isinstance(item, DimensionMismatch) for item in diagnostics):
+        return [*diagnostics]
+    notes = [*unit_notes(syntax)]
+    items = [node for node in nodes_in(syntax.statements) if isinstance(node, tree.Item)] if notes else []
+    return [
+        _with_reading(d, syntax.source, items, notes) if isinstance(d, DimensionMismatch) else d for d in diagnostics
+    ]
+
+
+def _with_reading(
+    item: DimensionMismatch, home: Source, items: Sequence[tree.Item], notes: Sequence[str]
+) -> Diagnostic:
+    if _CELSIUS.search(item.what):
+        return replace(item, hint="A temperature in Celsius is in `degC`; `C` is the coulomb.")
+    if not notes or item.span.source is not home or "is read as" in item.hint:
+        return item
+    read, before = set(_NAME.findall(home.line(item.span.line))), 0
+    while len(read) > before:  # the names of its line, and those that their definitions read
+        before = len(read)
+        read |= {word for i in items if i.name in read for word in _NAME.findall(i.span.text)}
+    readings = [note for note in notes if note.startswith(f"line {item.span.line}:")]
+    readings += [note for i in items if i.name in read for note in ambiguous_products(i, home)]
+    return replace(
+        item, hint="".join(f"In {n.replace(': ', ' ', 1)}. " for n in [*dict.fromkeys(readings)][:2]) + item.hint
+    )
 
 
 def setting_notes(settings: Iterable[Any], names: Callable[[], Set[str]], home: Source) -> Iterator[str]:
