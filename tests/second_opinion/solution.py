@@ -314,11 +314,14 @@ class Run:
         modes, actions = [*self.m], self.system.actions[event]
         if len(actions) > 1 and any(action.kind == "x" for action in actions):
             raise Undecided("lines of a sampled event that set a storage")
-        done = {}
+        done: dict[int, tuple[Any, float]] = {}
+        spans = [action.span for action in self.system.assembly.graph.events[event].actions]
         for place, action in enumerate(actions):
-            number = self.system.action_values[event](self.t, self.x.tolist(), self.w.tolist(), modes)[place]
-            modes[action.number] = float(number)
-            done[action.number] = action, float(number)
+            if not place or spans[place] != spans[place - 1]:  # the items of a list are set together
+                for number, (_, value) in done.items():
+                    modes[number] = value
+                values = self.system.action_values[event](self.t, self.x.tolist(), self.w.tolist(), modes)
+            done[action.number] = action, float(values[place])
         return list(done.values())
 
     def advance(self, h: float) -> None:
