@@ -197,7 +197,7 @@ def _signs(error: WrongText) -> Iterator[Candidate]:
                 )
 
 
-_SEVERAL = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+([A-Za-z]\w*)((?:\s+[A-Za-z]\w*)+)")
+_SEVERAL = re.compile(r"(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s+([A-Za-z]\w*(?:\^-?\d+)?)((?:\s+[A-Za-z]\w*(?:\^-?\d+)?)+)")
 
 
 def _brackets(error: WrongText) -> Iterator[Candidate]:

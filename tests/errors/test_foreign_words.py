@@ -99,7 +99,7 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("C soft : k", "`C soft : e = k*q`", "C soft : e = k*q; body -> soft"), ("Se push : 5 N", "`Se push : e = 5 N`", "Se push : e = 5 N; push -> body"), ("R slow : 2 [N*s/m]", "`R slow : e = 2 [N*s/m]*f`", "R slow : e = 2 [N*s/m]*f; body -> slow"),
     ("TF lever : 3", "`TF lever : e2 = 3*e1`", "TF lever : e2 = 3*e1; 1 other : translation; body -> lever -> other"), ("1 other : 0", "`1 other : translation`", "1 other : translation; body -> other"),
     ("real k2 = 100 {N/m};", "`parameter k2 = 100 [N/m]`", "parameter k2 = 100 [N/m]"), ("parameters", "Each line says itself what it is", ""), ("real d2 = 0.5 {N.s/m};", "`parameter d2 = 0.5 [N*s/m]`", "parameter d2 = 0.5 [N*s/m]"),
-    ("real global g = 9.81;", "`parameter g = 9.81;`", "parameter g = 9.81"), ("k2 = {100, 'N/m'};", "`parameter k2 = 100 [N/m]`", "parameter k2 = 100 [N/m]"), ("p.e = int(p.f)/C;", "`C spring : e = k*q`", ""),
+    ("real global g = 9.81;", "`parameter g = 9.81;`", "parameter g = 9.81;"), ("k2 = {100, 'N/m'};", "`parameter k2 = 100 [N/m]`", "parameter k2 = 100 [N/m]"), ("p.e = int(p.f)/C;", "`C spring : e = k*q`", ""),
     ("GY Km : p1.e = 0.05*p2.f; p2.e = 0.05*p1.f", "`GY Km : e1 = K*f2`", ""), ("m*der(v) = -k*x;", "`I mass : p = m*v`", ""), ("der(x) = v;", "`signal x = integral(v, start)`", "signal way = integral(mass.v, 0 m)"),
     ("u - Ra - La - Jm", "`u -> 1(Ra, …)`", ""), ("when mass.v < 0 { reinit(mass.v, -n*pre(mass.v)) }", "`mass.v = -n*pre(mass.v)`", "when mass.v < 0 { mass.v = -n*mass.v }"),
     ("elsewhen mass.v < 0 { mass.v = 0 }", "a `when` of its own", "when mass.v < 0 { mass.v = 0 }"), (".param R=1k C=1u", "`parameter R = 1k`", ""), (".print tran v(out)", "`report u in mV`", ""),
