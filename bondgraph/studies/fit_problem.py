@@ -80,7 +80,9 @@ class Problem:
         found = []
         for s in self.sought:
             quantity = graph.quantities[s.name]
-            value = s.start if s.start is not None else quantity.value
+            constant = None if quantity.definition is None else quantity.definition.formula.expression
+            given = s.start, quantity.value, getattr(constant, "value", None)  # the last of an input that is a number
+            value = next((v for v in given if v is not None), None)
             if quantity.role not in ("parameter", "input") or value is None:
                 raise UsageError("BR414", f"`{s.name}` is no parameter or input with a value: it cannot be fitted")
             if not (s.low is None or s.low <= value) or not (s.high is None or value <= s.high):

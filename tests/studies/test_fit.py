@@ -257,3 +257,15 @@ def test_a_length_of_picometres_begins_at_zero(bounds: str | BoundedParameter) -
     data = measured({"load": [0.0, 1e-12]}, {"x": np.array([0.0, 1e-12]) + 1e-12 * math.expm1(1.5)})
     found = bondgraph.load(text).fit(data, {"d": bounds})
     assert found["d"] == pytest.approx(1.5e-12, rel=1e-6)
+
+
+def test_an_input_with_a_number_as_its_value_is_fitted(tmp_path: Path) -> None:
+    """The load behind a measured rest, from the value that the model has and from one of `settings`; an input that goes with time has none."""
+    text = "model F {\n input load = LOAD\n MSe push : F = load\n C c : F = 2 [N/m]*x\n R r : F = 1 [N*s/m]*v\n push -> 1(c, r)\n output x = c.x\n}"
+    (tmp_path / "rest.csv").write_text("x [m]\n1.5\n", encoding="utf-8")
+    model = bondgraph.load(text.replace("LOAD", "1 N"))
+    for settings in ({}, {"load": "2 N"}):
+        found = model.fit(tmp_path / "rest.csv", {"load": "0 N .. 10 N"}, settings=settings)
+        assert found.settings["load"] == pytest.approx(3, rel=1e-6)
+    with pytest.raises(UsageError, match="no parameter or input with a value"):
+        bondgraph.load(text.replace("LOAD", "1 N*sin(time/1 s)")).fit(tmp_path / "rest.csv", {"load": "0 N .. 10 N"})
