@@ -117,7 +117,8 @@ class SegmentIntegrator(IntegrationState):
         if begins is None or machine is not None:
             repeatable = machine is None and is_repeatable(self)
             begins = Beginning(repeatable, *method_of(self, stretch, x, target == "native"))
-            self.check_rates(stretch.start, x, stretch.mode)
+            if self.begins is None:  # else an earlier run has come through here
+                self.check_rates(stretch.start, x, stretch.mode)
         method = begins.method
         self.count(begins.evaluations)
         if begins.settled:
