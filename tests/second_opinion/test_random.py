@@ -136,6 +136,21 @@ def test_what_is_not_certain_is_undecided() -> None:
         second(tied, 0.6, points=3)
 
 
+def test_what_begins_to_move_at_an_event_does_not_jump() -> None:
+    """A momentum that is zero and grows with the length of the step behind the event."""
+    text = """plain model Rest {
+  C c : e = q { start q = 1 }
+  I a : p = f
+  I b : p = f
+  Se w : e = 1
+  1(a) -> c
+  w -> b
+  when c.q > 0.9 { b.p = -0.7*b.p }
+  output q = c.q, p = b.p
+}"""
+    np.testing.assert_allclose(second(text, 1.0, points=2).values[:, -1], [math.cos(1), 1], atol=1e-7)
+
+
 REPORTED = (*range(500714, 500720), *range(603168, 603173), 2000433, 2000438, 2001132, 2006555, 2008950)
 
 
