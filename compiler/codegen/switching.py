@@ -103,10 +103,17 @@ class Switching:
         found = done.get(x)
         if found is None:
             bits = self.result.dependence(x)
-            found = x if not bits & (TIME | STATE) or not isinstance(x, Apply) else self._apply(x)
+            found = x
+            if isinstance(x, Apply) and bits & (TIME | STATE | EVENT):
+                found = self._apply(x) if bits & (TIME | STATE) else self._of_modes(x)
             done[x] = found
             done[found] = found
         return found
+
+    def _of_modes(self, x: Apply) -> Expression:
+        """An expression of stored modes alone is constant between two events, but jumps by no rounding of terms that cancel."""
+        operands = self._unrounded(x.operator, tuple(map(self.replaced, x.operands)))
+        return x if operands == x.operands else _rebuilt(x.operator, operands)
 
     def _apply(self, x: Apply) -> Expression:
         span = self.span

@@ -163,6 +163,8 @@ OF_CANCELLED = {
     "(sin(c) if x > 0 else c) != 0": 0, "linear(c, (-1, 0, 1), (-2, 0, 1)) > 0": 0, "time/3 + time/7 - time*(10/21) > 0": 0,
     "sin(time/3 + time/7 - time*(10/21)) < 0": 0, "stored > 0": 0, "stored < 0": 0,
     "sin(c + 1e-12*v) > 0": 16,
+    "k/3 + k/7 - k*(10/21) > 0": 0, "k/3 + k/7 < k*(10/21)": 0, "sign(k/3 + k/7 - k*(10/21)) != 0": 0, "floor(7 + k/3 + k/7 - k*(10/21)) < 7": 0,
+    "k/3 + k/7 - k*(10/21) + 1e-12*k > 0": 40,
 }  # fmt: skip
 
 
@@ -174,11 +176,14 @@ def test_functions_of_what_is_rounding_and_what_is_stored_of_it_are_those_of_zer
     text += (
         "  every 0.1 { stored = x/3 + x/7 - x*(10/21) }\n  mode risen = 0\n  when stored > 0 { risen = risen + 1 }\n"
     )
+    text += (
+        "  mode k = 0, kept = 0\n  every 0.1 { k = k + 0.37 }\n  when k/3 + k/7 - k*(10/21) > 0 { kept = kept + 1 }\n"
+    )
     text += "  every 0.01 { ticks = ticks + (1 if time - last >= 0.1 else 0); last = time if time - last >= 0.1 else last }\n"
     for i, condition in enumerate(OF_CANCELLED):
         condition = re.sub(r"\bc\b", "(x/3 + x/7 - x*(10/21))", condition)
         text += f"  mode n{i} = 0\n  every 0.1 {{ n{i} = n{i} + (1 if {condition} else 0) }}\n  output c{i} = n{i}\n"
-    model = bondgraph.load(text + "  output clock = ticks, rises = risen\n}\n")
+    model = bondgraph.load(text + "  output clock = ticks, rises = risen, keeps = kept\n}\n")
     found = model.simulate(to=4, points=3)
     assert [found.final(f"c{i}") for i in range(len(OF_CANCELLED))] == list(OF_CANCELLED.values())
-    assert (found.final("clock"), found.final("rises")) == (40, 0)
+    assert (found.final("clock"), found.final("rises"), found.final("keeps")) == (40, 0, 0)
