@@ -20,7 +20,10 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Extremes:
-    """Least and greatest value of an output in a run, in SI, each with the first instant in s at which it was found; NaN where a value is no number."""
+    """Least and greatest value of an output in a run, in SI, each with the first instant in s at which it was found.
+
+    NaN where a value is no number, infinite where an output that was searched has a pole.
+    """
 
     minimum: float
     minimum_at: float

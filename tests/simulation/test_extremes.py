@@ -203,3 +203,19 @@ def test_a_ringing_that_has_long_decayed() -> None:
         run = ring.simulate(to=to, points=points, extremes=True, solver="exponential")
         assert run.extremes("u").minimum == pytest.approx(-exp(-1000 * pi / omega), rel=1e-9)
         assert not run.notes
+
+
+@pytest.mark.parametrize("law", ["f", "f + 0.1*f^3"])
+def test_an_output_with_a_pole_has_no_bound(law: str, tmp_path: Path) -> None:
+    """It had the value where the search ended, from 1e5 to 1e15. A peak of 1e-4 of a step and a logarithm keep theirs, or what is found of it."""
+    text = f"plain model Poles {{\n  C k : e = q {{ start q = 1 }}\n  I i : p = {law}\n  1(k) -> i\n"
+    text += "  output a = 1/k.q, b = 1/(time - 0.31234), c = 1/(k.q - 0.2)^2, d = 1/sqrt(abs(k.q - 0.4)), e = 1/(time - 2.5)^3\n"
+    found = bondgraph.load(text + "  output peak = 1/(1e-8 + (k.q - 0.3)^2), l = log(abs(k.q))\n}\n").simulate(
+        to=4, points=5, extremes=True, target="numpy"
+    )
+    found.to_npz(tmp_path / "r.npz")
+    for result in (found, read_result(tmp_path / "r.npz")):
+        ends = [result.extremes(name) for name in result.names]
+        assert [e.minimum == -np.inf for e in ends] == [True, True, False, False, True, False, False]
+        assert [e.maximum == np.inf for e in ends] == [True] * 5 + [False] * 2
+        assert ends[1].maximum_at == pytest.approx(0.31234) and ends[5].maximum == pytest.approx(1e8)

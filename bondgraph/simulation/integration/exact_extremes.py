@@ -65,6 +65,8 @@ def look_exactly(
     new = np.unique(search.time[~np.isnan(search.time)])
     if len(new):
         extremes.look_at(new, exponential.at(form, cut, states)(new), stretch.mode)
+    poles = np.isposinf(search.value) & ~np.isnan(search.time)
+    extremes.value[poles], extremes.time[poles] = np.inf, search.time[poles]
 
 
 def _edges(form: exponential.Linear, stretch: Segment) -> Any:

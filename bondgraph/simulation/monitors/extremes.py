@@ -25,6 +25,8 @@ WEIGHTS = np.where(np.arange(COUNT) % (COUNT - 1) == 0, 0.5, 1.0) * (-1.0) ** np
 CANDIDATES, TRIALS = 4, 8
 BEYOND = 0.2  # part of the rise to a place of a step by which an estimate may be too low
 ROUNDS, PARTS = 5, 8  # times that a bracket is cut into so many parts and the best two are kept
+POLE = 17  # times where the value still grows
+GROWS = 8.0  # without a bound is what each six of the last times make so many times as large
 
 
 class ExtremesMonitor:
@@ -46,7 +48,7 @@ class ExtremesMonitor:
             most[~(most > self.value)] = -np.inf
             order = np.argsort(-most, axis=0)[:CANDIDATES]
             step, sign, output = order, *np.indices(order.shape)[1:]
-            chosen = np.isfinite(most[step, sign, output])
+            chosen = most[step, sign, output] > -np.inf
             if not chosen.any():
                 break
             searched = step[chosen], sign[chosen], output[chosen]
@@ -88,7 +90,8 @@ class ExtremesMonitor:
         place: Any = np.argmax(found[step, :, sign, output], axis=1)
         low, high = PLACES[np.maximum(place - 1, 0)], PLACES[np.minimum(place + 1, COUNT - 1)]
         share = np.linspace(0.0, 1.0, PARTS + 1)
-        for _ in range(ROUNDS):
+        tops: list[Array] = []  # beside the greatest, which may be on a pole by rounding
+        while len(tops) < ROUNDS or (len(tops) < POLE and (tops[-1] > 1.5 * np.abs(tops[-4])).any()):
             places = low[:, None] + (high - low)[:, None] * share
             at = times[step, :1] + (times[step, -1:] - times[step, :1]) * places
             inner = np.einsum("mpk,mkn->mpn", _interpolation(places), states[step])
@@ -101,6 +104,11 @@ class ExtremesMonitor:
                 if own[k, best[k]] > self.value[sign[k], output[k]]:
                     self.value[sign[k], output[k]], self.time[sign[k], output[k]] = own[k, best[k]], at[k, best[k]]
             low, high = places[rows, np.maximum(best - 1, 0)], places[rows, np.minimum(best + 1, PARTS)]
+            tops.append(np.sort(own, axis=1)[:, -2])
+        if len(tops) == POLE:
+            first, middle, last = tops[ROUNDS - 1 :: (POLE - ROUNDS) // 2]
+            pole = (first > 0) & (middle > GROWS * first) & (last > GROWS * middle)
+            self.value[sign[pole], output[pole]], self.time[sign[pole], output[pole]] = np.inf, at[rows, best][pole]
 
     def extremes(self) -> Sequence[Extremes]:
         """Return the extremes of each output, in SI."""
@@ -124,7 +132,8 @@ def _most(found: Array) -> Any:
     with np.errstate(all="ignore"):
         vertex = np.where(bend < 0, -0.25 * slope * slope / bend, 0.0)
     change = np.abs(middle - left) + np.abs(right - middle)
-    return np.maximum(np.maximum(middle, left), right) + np.minimum(vertex, change) + BEYOND * change
+    most = np.maximum(np.maximum(middle, left), right) + np.minimum(vertex, change) + BEYOND * change
+    return np.where(np.isnan(most), np.inf, most)  # beside a place that hits a pole
 
 
 def _interpolation(places: Array) -> Any:
