@@ -81,8 +81,8 @@ class Problem:
         for s in self.sought:
             quantity = graph.quantities[s.name]
             constant = None if quantity.definition is None else quantity.definition.formula.expression
-            given = s.start, quantity.value, getattr(constant, "value", None)  # the last of an input that is a number
-            value = next((v for v in given if v is not None), None)
+            starts = s.start, quantity.value, getattr(constant, "value", None)  # the last of an input that is a number
+            value = next((v for v in starts if v is not None), None)
             if quantity.role not in ("parameter", "input") or value is None:
                 raise UsageError("BR414", f"`{s.name}` is no parameter or input with a value: it cannot be fitted")
             if not (s.low is None or s.low <= value) or not (s.high is None or value <= s.high):

@@ -103,21 +103,19 @@ class Switching:
         found = done.get(x)
         if found is None:
             bits = self.result.dependence(x)
-            found = x
-            if isinstance(x, Apply) and bits & (TIME | STATE | EVENT):
-                found = self._apply(x) if bits & (TIME | STATE) else self._of_modes(x)
+            found = x if not bits & (TIME | STATE | EVENT) or not isinstance(x, Apply) else self._apply(x)
             done[x] = found
             done[found] = found
         return found
 
-    def _of_modes(self, x: Apply) -> Expression:
-        """An expression of stored modes alone is constant between two events, but jumps by no rounding of terms that cancel."""
-        operands = self._unrounded(x.operator, tuple(map(self.replaced, x.operands)))
-        return x if operands == x.operands else _rebuilt(x.operator, operands)
-
     def _apply(self, x: Apply) -> Expression:
-        span = self.span
-        alone = not self.result.dependence(x) & (INPUT | STATE | EVENT)
+        span, bits = self.span, self.result.dependence(x)
+        if not bits & (
+            TIME | STATE
+        ):  # stored modes alone: constant between two events, but no rounding of terms that cancel counts
+            operands = self._unrounded(x.operator, tuple(map(self.replaced, x.operands)))
+            return x if operands == x.operands else _rebuilt(x.operator, operands)
+        alone = not bits & (INPUT | STATE | EVENT)
         if x.operator in CONDITIONS:
             return self._mode(x, alone)
         if x.operator == "sign" and (alone or self.located or call("less", ZERO, x.operands[0]) in self.modes):

@@ -152,8 +152,8 @@ class Coordinates:
         part, script = link.part, self.script
         zeros: Vector = (ZERO, ZERO, ZERO)
         rests = [self.rest(part, r) if isinstance(part, Joint) else ZERO for r in ("rx", "ry", "rz")]
-        given = isinstance(part, Body) and any(k in part.starts for k in ("rx", "ry", "rz", "attitude.w"))
-        drawn_at = script.place(part.turn, f"{part.name} turn", "1") if given else rests
+        starts_turned = isinstance(part, Body) and any(k in part.starts for k in ("rx", "ry", "rz", "attitude.w"))
+        drawn_at = script.place(part.turn, f"{part.name} turn", "1") if starts_turned else rests
         vector = [
             self._start(part, r, at) - rest for r, rest, at in zip(("rx", "ry", "rz"), rests, drawn_at, strict=True)
         ]
@@ -168,7 +168,7 @@ class Coordinates:
             if "attitude.w" in part.starts:
                 p = _unit(tuple(self._start(part, f"attitude.{c}", ZERO) for c in "wxyz"))  # type: ignore[arg-type]
                 turn = of_quaternion(script, p, name)
-            if given:
+            if starts_turned:
                 p = quaternion_product(p, conjugate(drawn.quaternion(script, f"{part.name} drawn")))
                 turn = of_quaternion(script, p, f"{name} turned")
             return p, turn.back(script, f, f"{name} spin")
