@@ -73,7 +73,12 @@ class RandomTree:
             if kind == "universal":
                 other = np.cross(way, other + np.array([0.3, 0.5, 0.7]))
             at = random.uniform(-1, 1, 3)
-            reverse = bool(random.integers(2)) and kind != "float"
+            # what floats is the second body of no joint
+            reverse = (
+                bool(random.integers(2))
+                and kind != "float"
+                and not (parent >= 0 and self.parts[parent].kind == "float")
+            )
             part = Part(kind, parent, at, way, other, random.uniform(-1, 1, 3), reverse, random.uniform(0.1, 1), self.coordinates, count)  # fmt: skip
             self.parts.append(part)
             self.coordinates += count
