@@ -355,3 +355,37 @@ def test_a_solution_beside_a_pole_is_found(c: float, s: float) -> None:
 @cache
 def poles_model(text: str) -> bondgraph.Model:
     return bondgraph.load(text)
+
+
+@pytest.mark.parametrize(("slope", "load"), [("1e-6", 1), ("1e-6", 1e4), ("1e-3", 1e4), ("0.05", 1e4)])
+def test_a_steep_diode_without_any_storage_blocks(slope: str, load: float) -> None:
+    """Its voltage is within the tolerance of its threshold all the time, but loops beside no states are solved to rounding."""
+    found = bondgraph.load(f"""plain model A {{
+      Se s : e = 10*sin(2*pi*50*time)
+      R d : f = (e - 0.7)/{slope} if e > 0.7 else 0
+      R load : e = {load}*f
+      s -> 1(d, load)
+      output i = load.f
+    }}""").simulate(to=0.03, points=61)
+    np.testing.assert_allclose(
+        found["i"],
+        np.maximum(10 * np.sin(100 * np.pi * found.time) - 0.7, 0) / (load + float(slope)),
+        atol=1e-7 * found["i"].max(),
+    )
+
+
+@pytest.mark.parametrize("slope", ["50 mohm", "20 mohm", "3 ohm"])
+def test_a_branch_goes_on_where_a_law_bends(slope: str) -> None:
+    """The determinant of a loop jumps there, by more than any smooth law would have it change."""
+    found = bondgraph.load(f"""import DiodeBridge from power
+    model A {{
+      Se supply : u = 10 V*sin(2*pi*50 Hz*time)
+      DiodeBridge part {{ U_0 = 0.7 V, R_on = {slope} }}
+      R load : u = 9.9 ohm*i
+      supply -> part.ac
+      part.dc -> load
+      output i = load.i
+    }}""").simulate(to=0.021, points=61)
+    resistance = 9.9 + 2 * {"50 mohm": 0.05, "20 mohm": 0.02, "3 ohm": 3.0}[slope]
+    expected = np.maximum(np.abs(10 * np.sin(100 * np.pi * found.time)) - 1.4, 0) / resistance
+    np.testing.assert_allclose(found["i"], expected, atol=1e-8)

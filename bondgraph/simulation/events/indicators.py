@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..segments.units import CoSimulatedUnits
 
 CERTAIN = 4.0  # in units of the bound on the rounding of its terms: a larger root is none
+SOLVED = 2.0  # in units of the rounding of a root: error of solved loops
 UNMEASURED = 0.25  # of the rounding of a root: as `decide` has it, where nothing was known when the mode was decided
 Flow = tuple[Any, float] | None  # rates, and the time in which they move a state by its magnitude; None without rates
 
@@ -113,8 +114,8 @@ class EventIndicators:
         self.floor = np.maximum(share * self.floor, least)
 
     def tolerated(self, noise: Array) -> Any:
-        """Return how far the tolerance of the run moves the roots with these rounding errors."""
-        return self.record.record.relative / NOISE * noise
+        """Return how far the tolerance of the run moves the roots with these rounding errors; loops beside no states are solved to rounding."""
+        return (self.record.record.relative / NOISE if self.program.states.names else SOLVED) * noise
 
     def with_values(self, constraints: Constraints, magnitude: Array) -> EventIndicators:
         """Return the same conditions for other inputs, parameters and magnitudes: for `guess`, not for a search, whose bounds stay those of the first."""

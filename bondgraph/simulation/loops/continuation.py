@@ -2,8 +2,8 @@
 
 A guess counts where its first correction does nearly all, so that any other solution is many corrections away (Kantorovich), and where signs are kept that
 differ between neighbours: of the determinant, or, if a pole lies between them, of what is divided by. A step counts where, too, it is corrected by little
-beside its way, and the determinant, where it has fallen, changes little between places of it; else it is halved. Branches that cross, rather than come near
-each other, are passed: there the equations hold to rounding.
+beside its way, and the determinant, where it has fallen, changes little between places of it, or by jumps where laws bend; else it is halved. Branches that
+cross, rather than come near each other, are passed: there the equations hold to rounding.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ SOONER, NEARER = 0.125, 0.8  # share of such a gap, and of its way, within which
 STEEP, SMALL = 1e-2, 1e-300  # the way to the nearest solution, as a share of that to any other; the least of any
 AHEAD = 2.0 ** np.arange(-10.0, 20.0)  # in smallest steps
 PLACES = np.arange(17) / 16  # of a step
-CHANGED = np.log(4.0)  # the most that the logarithm of a determinant changes between two places
+CHANGED = np.log(4.0)  # the most that the logarithm of a determinant changes between two places, except by a jump
+HALVINGS = 40  # of the way between two places, to a jump
 ZOOMS, MARGIN = 18, 64.0  # to the least determinant, and the factor on rounding there
 ULPS = np.finfo(float).eps * np.array([-3.0, -1.0, 0.0, 1.0, 2.0])
 
@@ -107,11 +108,15 @@ class Continuation:
         ends, good, _ = self._near(times[1:-1], guesses[1:-1])
         if good.all() and (np.abs([*ends, state] - last) <= RESTS * self.loops.magnitude).all():
             return True  # it rests, as where a law is flat throughout
-        signs, sizes, *_ = self._determinants(times, np.concatenate([last[None], ends, state[None]]))
+        states = np.concatenate([last[None], ends, state[None]])
+        signs, sizes, *_ = self._determinants(times, states)
         with np.errstate(all="ignore"):
             changes = np.abs(np.diff(sizes)) > CHANGED
         low = np.fmin(sizes[:-1], sizes[1:]) < self.largest - CHANGED
-        if good.all() and (signs[1:] == self.signs).all() and not (changes & low).any():
+        same = good.all() and (signs[1:] == self.signs).all()
+        if same and all(
+            self._jumps(times[k : k + 2], states[k : k + 2], sizes[k : k + 2]) for k in np.flatnonzero(changes & low)
+        ):
             return True
         for _ in range(ZOOMS):
             times, guesses = start + places * (time - start), last + places[:, None] * (state - last)
@@ -120,6 +125,21 @@ class Continuation:
         there = guesses[least] + np.tile(ULPS, 5)[:, None] * np.maximum(np.abs(last), np.abs(state))
         left = self.loops.residual(times[least] * (1.0 + np.repeat(ULPS, 5)), last, self.mode, there)
         return bool((np.abs(left).min(axis=0) <= MARGIN * np.ptp(left, axis=0)).all())
+
+    def _jumps(self, times: Array, states: Array, sizes: Array) -> bool:
+        """Return True if the determinant keeps its sign between two solutions and changes by one jump: where a law bends the branch goes on."""
+        (early, later), (first, last), (low, high) = times, states, sizes
+        for _ in range(HALVINGS):
+            time = 0.5 * (early + later)
+            there, *_ = self._near(np.array([time]), 0.5 * (first + last)[None])
+            signs, size, *_ = self._determinants(np.array([time]), there)
+            if not self._balance(np.array([time]), there, np.array([True]))[0] or (signs[0] != self.signs).any():
+                return False
+            if abs(size[0] - low) < abs(size[0] - high):
+                early, first, low = time, there[0], size[0]
+            else:
+                later, last, high = time, there[0], size[0]
+        return bool(abs(high - low) > CHANGED and abs(low - sizes[0]) <= CHANGED and abs(high - sizes[1]) <= CHANGED)
 
     def _just_after(self, start: float, last: Array, time: float) -> Any:
         """Return the solution at an instant just after the last knot where a rate is infinite, as of the root of t, or where two branches meet: the one to
