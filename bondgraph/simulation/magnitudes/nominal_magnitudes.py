@@ -86,7 +86,7 @@ def nominal_magnitudes(
         def look_along(way: Sequence[Segment]) -> PilotObserver:
             coarse = PilotRun(constraints, state, smallest)
             coarse.free = free  # all begin at one state
-            return PilotObserver(coarse.peak(way, choice), coarse.beginning, coarse.stopped)
+            return PilotObserver(coarse.peak(way, choice), coarse.beginning, coarse.stopped, coarse.sure)
 
         first = stretches[0]
         look = trusted(

@@ -52,7 +52,7 @@ def trusted(
 
     parts = [(part, PARTS - 1) for part in range(PARTS)] + [(part, 1) for part in reversed(range(PARTS))]
     sound = next((looks[part] for part, most in parts if is_sound(part, most)), looks[0])
-    return replace(sound, largest=np.maximum(sound.largest, beginning))
+    return replace(sound, largest=np.maximum(sound.largest, beginning), sure=np.maximum(sound.sure, beginning))
 
 
 def goes_astray(program: Program, largest: Array, beginning: Array) -> Any:

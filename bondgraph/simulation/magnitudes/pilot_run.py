@@ -40,11 +40,15 @@ class PilotObservation:
 
 @dataclass(frozen=True, slots=True)
 class PilotObserver:
-    """Result of a pilot run: the largest magnitudes, those from the motion at the beginning, shape (n,), and the time at which it gave up."""
+    """Result of a pilot run: the largest magnitudes, those from the motion at the beginning, shape (n,), and the time at which it gave up.
+
+    `sure`: the largest without the step that ended behind a condition, where the mode before it may have led anywhere.
+    """
 
     largest: Any
     beginning: Any
     stopped: float | None
+    sure: Any
 
 
 def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
@@ -79,6 +83,7 @@ class PilotRun:
         self.constraints, self.program = constraints, constraints.program
         self.constants, self.inputs = constraints.constants, constraints.inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
+        self.sure = self.largest  # without the step that changed a condition
         self.stopped: float | None = None  # time at which it gave up
         self.beginning = self.largest  # magnitudes with the reach of the motion by the forces at the start
         self.free: list[Any] = []  # that reach, and these magnitudes, where another run from this state has found them
@@ -114,8 +119,9 @@ class PilotRun:
                 answer = loop.go(
                     "pilot_step" if _ends(pace, follows) else "coarse", self, pace, first.start, stretch.mode
                 )
+                self.sure = self.largest
                 if answer == CROSSED:
-                    return self.largest
+                    return np.maximum(self.largest, np.abs(self.state))
                 if answer != FINE and pace.size < pace.smallest:
                     return self._given_up(first.start, pace.time)
                 if self.constraints and pace.time > before:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from ..events.events import Events
 
+OVERSHOT = 10.0  # ratio to the largest values of a run through the events: more, in a mode before one, is no magnitude
+
 
 def given_tolerances(plan: Plan, program: Program, facts: RunMetadata) -> dict[int, float]:
     """Return the absolute tolerances that the experiment gives, by index of the state or unknown. Raises `UsageError`."""
@@ -111,15 +113,22 @@ class MagnitudeSearch:
             first = self._nominal(PilotObservation(self.choice(), conditions))
             events.measure_anew(first.moved, at)
             largest, until = self.coarse(first.values)
-            search, look = self, first.look
+            largest = np.maximum(largest, self.peaks)
+            search, look = self, _without_overshoot(first.look, largest)
             if before := [s.up_to(s.start, min(s.stop, until)) for s in self.stretches if s.start < until < np.inf]:
                 # the look went on with a program that does not hold there: behind a switch that stays closed a current grows without end
                 search, look = replace(self, stretches=before), None
-            nominal = search._nominal(
-                PilotObservation(self.choice(), conditions), np.maximum(largest, self.peaks), look
-            )
+            nominal = search._nominal(PilotObservation(self.choice(), conditions), largest, look)
             doubts, guess, guessed = nominal.doubts, nominal.values, nominal.unknown
             known = nominal.by_name(names) | dict(known)
         moved = np.array([known.get(n, 0.0) for n in names])
         events.measure_anew(moved, at)
         return PhaseMagnitudes(np.where(moved > 0, moved, guess), doubts, known, known, guessed)
+
+
+def _without_overshoot(look: PilotObserver | None, largest: Array) -> PilotObserver | None:
+    """Return a pilot run without what its last step, in a mode that no longer held, has beyond the largest values of a run through the events."""
+    if look is None:
+        return None
+    reached = np.maximum(look.sure, largest)
+    return replace(look, largest=np.where((reached > 0) & (look.largest > OVERSHOT * reached), reached, look.largest))

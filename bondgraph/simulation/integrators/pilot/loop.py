@@ -80,24 +80,25 @@ def pilot_step(c: PilotWorkspace) -> int:
         c.size *= 0.25
         return done
     ends = c.time + 1.001 * c.size >= c.stop
-    go_on(c, c.euler)
+    go_on(c)
     if ends:
         c.time = c.stop
     if has_crossed(c, c.euler):
         return CROSSED
+    for i in range(c.n):
+        c.euler.largest[i] = max(c.euler.largest[i], abs(c.found[i]))
     if c.reaching != 0:
         reached(c, c.euler)
     note(c, c.euler)
     return FINE
 
 
-def go_on(c: PilotWorkspace, e: Euler) -> None:
+def go_on(c: PilotWorkspace) -> None:
     """Go on from the accepted result."""
     c.time += c.size
     c.size = min(c.usual, 2.0 * c.size)
     for i in range(c.n):
         c.state[i] = c.found[i]
-        e.largest[i] = max(e.largest[i], abs(c.found[i]))
 
 
 def has_crossed(c: PilotWorkspace, e: Euler) -> bool:
