@@ -182,7 +182,7 @@ def test_texts_of_numbers_with_one_unit_are_read_once() -> None:
         assert _number(f"-{i}.25e-3 [N/m]") == _Number(-float(Fraction(100 * i + 25, 10**5)), "N/m")
     assert _signed.cache_info().misses == 2
     assert [_number(text) for text in ("-3 degC", "3 um*2", "3 umm", "3. um", "x")] == [None] * 5
-    assert _number("-0") == _Number(0.0, None) and _number("2") == _Number(2.0, "1")
+    assert _number("-0") == _Number(0.0, "") and _number("2") == _Number(2.0, "1")
 
 
 @pytest.mark.parametrize(

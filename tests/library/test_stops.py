@@ -91,7 +91,7 @@ STOPPED = {
     """,
     "RotaryStops": """
         I m : L = 0.5 [kg*m^2]*omega { start omega = 1 [1/s] }
-        RotaryStops stop { low = -0.003, high = 0.005, k = 2e5 [N*m], r = 200 [N*m*s] }
+        RotaryStops stop { low = -0.003 rad, high = 0.005 rad, k = 2e5 [N*m], r = 200 [N*m*s] }
     """,
 }
 

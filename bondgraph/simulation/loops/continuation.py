@@ -25,13 +25,14 @@ LAST = 8  # knots whose speeds count
 SLIGHT, ROUNDED, RESTS = 1e-6, 1e-9, 1e-12
 HOLDS = 1e-5  # of the terms of an equation: what may be left of it
 FIRST, FEWEST, SMALLEST = 1e-6, 32, 1e-9  # steps of a segment: the first, the least number of them, and the smallest
+UNSEEN = 8.0  # of the smallest steps: within them a solution with the same signs is the same
 GAPS, SUCCESSIVE = np.array([512.0, 1.0]), 32  # in smallest steps, over which an infinite rate is passed; in a row
 SOONER, NEARER = 0.125, 0.8  # share of such a gap, and of its way, within which a solution is after it
 STEEP, SMALL = 1e-2, 1e-300  # the way to the nearest solution, as a share of that to any other; the least of any
 AHEAD = 2.0 ** np.arange(-10.0, 20.0)  # in smallest steps
 PLACES = np.arange(17) / 16  # of a step
 CHANGED = np.log(4.0)  # the most that the logarithm of a determinant changes between two places, except by a jump
-HALVINGS = 40  # of the way between two places, to a jump
+HALVINGS, AT_A_JUMP = 24, 2.0**-12  # of the way between two places, and what may be left of it, to a jump
 ZOOMS, MARGIN = 18, 64.0  # to the least determinant, and the factor on rounding there
 ULPS = np.finfo(float).eps * np.array([-3.0, -1.0, 0.0, 1.0, 2.0])
 
@@ -42,6 +43,7 @@ class Continuation:
     def __init__(self, loops: LoopSolver, start: float, state: Array, mode: Array, stop: float, places: Array) -> None:
         self.loops, self.mode, self.stop, self.places = loops.measured(start, state, mode), mode, stop, places
         self.length, self.step, self.passed = stop - start, FIRST * (stop - start), 0
+        self.least: Any = 0.0  # way of each unknown in a few of the smallest steps
         self.times, self.states = [start], [np.asarray(state, dtype=float)]
         self.signs, self.largest = (a[0] for a in self._determinants(np.array([start]), self.states[0][None])[:2])
         slopes = np.abs(self.loops.matrix(start, self.states[0], mode, self.states[0])) * self.loops.magnitude
@@ -74,6 +76,7 @@ class Continuation:
         start, last = self.times[-1], self.states[-1]
         scale, ways = np.maximum(np.abs(last), self.loops.magnitude), np.diff(self.states, axis=0)
         speeds = ways / np.diff(self.times)[:, None] if len(ways) else np.zeros((1, len(last)))
+        self.least = UNSEEN * SMALLEST * self.length * np.abs(speeds).max(axis=0)
         later = self.places[self.places > start]
         end = min(float(later.min(initial=self.stop)), self.stop)
         size, smallest = min(self.step, self.length / FEWEST), SMALLEST * self.length
@@ -134,12 +137,13 @@ class Continuation:
             there, *_ = self._near(np.array([time]), 0.5 * (first + last)[None])
             signs, size, *_ = self._determinants(np.array([time]), there)
             if not self._balance(np.array([time]), there, np.array([True]))[0] or (signs[0] != self.signs).any():
-                return False
+                break  # rounding of the jump itself, or none
             if abs(size[0] - low) < abs(size[0] - high):
                 early, first, low = time, there[0], size[0]
             else:
                 later, last, high = time, there[0], size[0]
-        return bool(abs(high - low) > CHANGED and abs(low - sizes[0]) <= CHANGED and abs(high - sizes[1]) <= CHANGED)
+        near = later - early <= AT_A_JUMP * (times[1] - times[0])
+        return bool(near and abs(high - low) > CHANGED and max(abs(low - sizes[0]), abs(high - sizes[1])) <= CHANGED)
 
     def _just_after(self, start: float, last: Array, time: float) -> Any:
         """Return the solution at an instant just after the last knot where a rate is infinite, as of the root of t, or where two branches meet: the one to
@@ -190,6 +194,7 @@ class Continuation:
         exact |= solved & ((moved <= rounding) & (np.abs(first) <= rounding)).all(axis=-1)
         nearly = (np.abs(ends - guesses - first) <= NEARLY * moved + rounding).all(axis=-1)
         same = signs == self.signs
+        nearly |= (moved <= self.least).all(axis=-1)  # where a law bends within them, no correction is nearly all
         return ends, same[:, 1:].all(axis=-1) & (exact | (solved & nearly & same[:, 0])), moved
 
     def _balance(self, times: Array, states: Array, solved: Array) -> Any:
