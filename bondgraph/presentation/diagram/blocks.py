@@ -73,24 +73,24 @@ class TreeBranch:
     child: int
     outwards: bool  # True if the arrow points to the child
     heavy: bool  # True if the child has branches
-    towards: Vector | None = None  # for a bond that is routed later: last known direction of its other end
+    likes: tuple[Vector, ...] = ()  # for a bond that is routed later: sides, the one nearest to its other end first
     side: Vector | None = None  # the only side at which it may leave
     least: float = 0.0  # length
 
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """A tree that grows from its leaves. `finished`: the completed parts by root and direction; `roomy`: more space, in px."""
+    """A tree that grows from its leaves. `finished`: for each root its completed part in each direction; `roomy`: more space, in px."""
 
     nodes: Sequence[DiagramNode]
     lines: Sequence[DiagramLine]
     branches: Mapping[int, Sequence[TreeBranch]]
-    finished: dict[tuple[int, Vector], Block]
+    finished: dict[int, dict[Vector, Block]]
     roomy: float
 
     def part(self, branch: TreeBranch, side: Vector) -> Block:
         """Return the completed part of a branch that grows to a side."""
-        return self.finished[branch.child, side]
+        return self.finished[branch.child][side]
 
     def child(self, branch: TreeBranch) -> DiagramNode:
         """Return the node of a branch."""

@@ -53,11 +53,13 @@ def bounds(items: Rectangles) -> tuple[float, float, float, float]:
 
 def overlapping(first: Rectangles, second: Rectangles, margin: float = MARGIN) -> Any:
     """Return a mask of the pairs that are nearer to each other than the margin; shape (n, m)."""
-    a, b = first[:, None, :], second[None, :, :]
-    return (
-        (a[..., 0] < b[..., 2] + margin) & (b[..., 0] < a[..., 2] + margin)
-        & (a[..., 1] < b[..., 3] + margin) & (b[..., 1] < a[..., 3] + margin)
-    )  # fmt: skip
+    (left, top, right, bottom), (x0, y0, x1, y1) = first.T, second.T
+    return _near(left, right, x0, x1, margin) & _near(top, bottom, y0, y1, margin)
+
+
+def _near(low: Array, high: Array, start: Array, end: Array, margin: float) -> Any:
+    """Return a mask of the pairs of intervals that are nearer to each other than the margin."""
+    return (low[:, None] < end + margin) & (start < (high + margin)[:, None])
 
 
 def touches(first: Rectangles, second: Rectangles, margin: float = MARGIN) -> bool:
@@ -92,15 +94,19 @@ def push(still: Rectangles, moving: Rectangles, along: Vector, least: float) -> 
     if not len(still) or not len(moving):
         return distance
     x, y = along
+    if x and y:
+        while overlapping(still, moved(moving, x * distance, y * distance)).any():
+            distance += 6.0
+        return distance
+    low, high, side, end = (0, 2, 1, 3) if x else (1, 3, 0, 2)
+    i, j = np.nonzero(_near(still[:, side], still[:, end], moving[:, side], moving[:, end], MARGIN))
+    borders, fronts, backs = still[i], moving[j, low], moving[j, high]
+    lows, highs = borders[:, low], borders[:, high]
+    way = x or y
     while True:
-        here = moved(moving, x * distance, y * distance)
-        pairs = overlapping(still, here)
+        front, back = fronts + way * distance, backs + way * distance
+        pairs = (lows < back + MARGIN) & (front < highs + MARGIN)
         if not pairs.any():
             return distance
-        if x and y:
-            distance += 6.0
-            continue
-        i, j = np.nonzero(pairs)
-        sides = {(1, 0): (2, 0), (-1, 0): (0, 2), (0, 1): (3, 1), (0, -1): (1, 3)}[int(x), int(y)]
-        gap = np.abs(still[i, sides[0]] - here[j, sides[1]]) + MARGIN
+        gap = np.abs(highs - front if way > 0 else lows - back)[pairs] + MARGIN
         distance += math.ceil(float(gap.max()) + 1e-6)

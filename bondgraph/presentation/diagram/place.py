@@ -13,9 +13,9 @@ import networkx as nx
 from .blocks import Block, Boxed, TreeBranch
 from .diagram_model import DiagramModel, DiagramNode
 from .glyphs import letter_rectangle, text_rectangle
-from .overlap import NOTHING, Point, Rectangles, bounds, joined, lane, moved, rectangles
+from .overlap import NOTHING, Point, Rectangles, Vector, bounds, joined, lane, moved, rectangles
 from .route import HARD, Ground, Rectangle, all_routed, between, routed
-from .tree import grow_tree
+from .tree import SIDES, Parts, grow_tree
 from .wrap import wrapped
 
 APART = 46.0  # between two parts
@@ -49,6 +49,7 @@ class _Web:
     nodes: list[DiagramNode]
     stubs: dict[tuple[int, int], int]  # closing line, its end -> stub
     names: dict[int, int]  # signal -> node of its name
+    known: Parts | None  # those of trees of these nodes, unless they take too much memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,10 @@ def _part(model: DiagramModel, part: Sequence[int]) -> DiagramLayout:
         rounds = TURNED // len(part)
         for tree in trees[: max(2, rounds // ROUNDS)]:
             for _ in range(max(2, min(2 * ROUNDS, rounds))):
-                trees.append(tree := _turned(model, tree))
+                before, tree = tree.branches, _turned(model, tree)
+                if tree.branches == before:
+                    break
+                trees.append(tree)
     lines = len(closing) + sum(x.source in network and x.target in network for x in model.signals)
     if lines:
         different = {tree.worth: tree for tree in trees}
@@ -105,7 +109,7 @@ def _rows(model: DiagramModel, tree: _Tree) -> Iterator[_Tree]:
     rows = math.ceil((right - left) / WIDEST)
     for count in range(rows, rows + 3) if rows > 1 and not tree.closing else ():
         branches = wrapped(tree.web.nodes, tree.branches, tree.block, tree.root, count)
-        yield replace(tree, branches=branches, block=grow_tree(tree.web.nodes, model.lines, branches, tree.root))
+        yield replace(tree, branches=branches, block=_block(model, tree.web, branches, tree.root))
 
 
 def _roots(model: DiagramModel, network: nx.MultiGraph) -> list[int]:
@@ -132,7 +136,7 @@ def _rooted(model: DiagramModel, network: nx.MultiGraph, root: int) -> _Tree:
     closing = sorted({line for *_, line in network.edges(keys=True)} - {line for line, _ in carried.values()})
     web = _web(model, closing)
     branches = _branches(model, web, network, carried)
-    block = grow_tree(web.nodes, model.lines, branches, root)
+    block = _block(model, web, branches, root)
     return _Tree(root, closing, web, branches, block, _worth(model, web, closing, block))
 
 
@@ -142,17 +146,24 @@ def _turned(model: DiagramModel, tree: _Tree) -> _Tree:
     places = tree.block.places
     branches = {
         node: [
-            replace(b, towards=_between(places[node], places[other[b.child]])) if b.child in other else b
-            for b in around
+            replace(b, likes=_towards(places[node], places[other[b.child]])) if b.child in other else b for b in around
         ]
         for node, around in tree.branches.items()
     }
-    block = grow_tree(tree.web.nodes, model.lines, branches, tree.root)
+    block = _block(model, tree.web, branches, tree.root)
     return replace(tree, branches=branches, block=block, worth=_worth(model, tree.web, tree.closing, block))
 
 
-def _between(start: Point, end: Point) -> Point:
-    return end[0] - start[0], end[1] - start[1]
+def _block(
+    model: DiagramModel, web: _Web, branches: Mapping[int, Sequence[TreeBranch]], root: int, roomy: float = 0.0
+) -> Block:
+    return grow_tree(web.nodes, model.lines, branches, root, roomy, web.known)
+
+
+def _towards(start: Point, end: Point) -> tuple[Vector, ...]:
+    """Return the sides of a node, the one nearest to another node first."""
+    x, y = end[0] - start[0], end[1] - start[1]
+    return tuple(sorted(SIDES, key=lambda s: -(s[0] * x + s[1] * y)))
 
 
 def _worth(model: DiagramModel, web: _Web, closing: Sequence[int], block: Block) -> float:
@@ -167,7 +178,7 @@ def _finished(model: DiagramModel, tree: _Tree, rounds: int) -> tuple[float, Dia
     layout = _with_ways(model, tree, tree.block, rounds)
     for roomy in ROOMIER:
         if layout is None:
-            block = grow_tree(tree.web.nodes, model.lines, tree.branches, tree.root, roomy)
+            block = _block(model, tree.web, tree.branches, tree.root, roomy)
             layout = _with_ways(model, tree, block, rounds, last=roomy == ROOMIER[-1])
     assert layout is not None
     bonds, signals = list(layout.bonds.values()), list(layout.signals.values())
@@ -205,7 +216,7 @@ def _web(model: DiagramModel, closing: Sequence[int]) -> _Web:
         if signal.source is None:
             names[number] = len(nodes)
             nodes.append(DiagramNode("", "", signal.label, "signal", (), "", ""))
-    return _Web(nodes, stubs, names)
+    return _Web(nodes, stubs, names, {} if len(nodes) <= TURNED else None)
 
 
 def _branches(

@@ -81,11 +81,15 @@ def all_routed(
 ) -> dict[int, tuple[Point, ...]]:
     """Return the ways found and add them to the ground: each is searched in every round, from the second on around all others."""
     free, found = bytes(ground.cells), dict[int, tuple[Point, ...]]()
+    around = dict[int, dict[int, tuple[Point, ...]]]()  # all other ways, when each was searched last
     for number, search in [*ways.items()] * rounds:
+        others = {n: way for n, way in found.items() if n != number}
+        if around.get(number) == others:
+            continue
+        around[number] = others
         ground.cells[:] = free
-        for other, way in found.items():
-            if other != number:
-                ground.take(way, width)
+        for way in others.values():
+            ground.take(way, width)
         found[number] = search() or found.get(number, ())
         if not found[number]:
             del found[number]

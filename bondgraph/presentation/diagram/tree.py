@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import permutations
+from typing import Any
 
 from compiler.api import ELEMENTS
 
@@ -34,6 +35,8 @@ TURN, AGAINST, DISLIKE = 30.0, 24.0, 8.0
 
 
 Arrangement = Sequence[tuple[TreeBranch, Vector]]
+# node, space and branches, each with the number of its own part -> number, and the part in each direction
+Parts = dict[tuple[Any, ...], tuple[int, dict[Vector, Block]]]
 
 
 def grow_tree(
@@ -42,20 +45,28 @@ def grow_tree(
     branches: Mapping[int, Sequence[TreeBranch]],
     root: int,
     roomy: float = 0.0,
+    known: Parts | None = None,
 ) -> Block:
-    """Return the positions of all descendants of a root, which is at the origin."""
+    """Return the positions of all descendants of a root, which is at the origin.
+
+    `known`: completed parts of earlier trees of the same nodes and lines, to which those of this tree are added.
+    """
     order = [root]
     for node in order:
         order += [b.child for b in branches[node]]
     tree = Growth(nodes, lines, branches, {}, roomy)
+    numbers = dict[int, int]()
     for node in reversed(order[1:]):
-        for along in SIDES:
-            tree.finished[node, along] = _grow(tree, node, along)
-        for along in (*CORNERS, *BETWEEN):
-            tree.finished[node, along] = _slanted(tree, node, along)
+        key = (node, roomy, *((b, numbers[b.child]) for b in branches[node]))
+        numbers[node], part = (known or {}).get(key) or (len(known or ()), {})
+        tree.finished[node] = part
+        if not part:
+            part |= {along: _grow(tree, node, along) for along in SIDES}
+            part |= {along: _slanted(tree, node, along) for along in (*CORNERS, *BETWEEN)}
+        if known is not None:
+            known[key] = numbers[node], part
         for branch in branches[node]:
-            for along in (*SIDES, *CORNERS, *BETWEEN):
-                del tree.finished[branch.child, along]
+            del tree.finished[branch.child]
     return _grow(tree, root, None)
 
 
@@ -93,7 +104,7 @@ def _slanted(tree: Growth, node: int, along: Vector) -> Block:
     """Return a part at the end of a slanted bond, grown to the right or to the left."""
     own = tree.nodes[node]
     if tree.branches[node] or own.shape == "box":
-        block = tree.finished[node, RIGHT if along[0] > 0 else LEFT]
+        block = tree.finished[node][RIGHT if along[0] > 0 else LEFT]
         far = max((abs(x) for x in bounds(block.taken[:1])), default=0.0) if own.shape == "box" else 0.0
         return replace(block, cost=block.cost + 60, reach=max(far, block.reach))
     taken, label = letter_and_label(own, along, alone=True)
@@ -109,7 +120,7 @@ def _arrangements(tree: Growth, node: int, along: Vector | None) -> Iterator[Arr
     own, branches = tree.nodes[node], tree.branches[node]
     heavy = [b for b in branches if b.heavy]
     light = sorted(
-        (b for b in branches if not b.heavy), key=lambda b: (b.towards is None, tree.child(b).letter in ("I", "C"))
+        (b for b in branches if not b.heavy), key=lambda b: (not b.likes, tree.child(b).letter in ("I", "C"))
     )
     through = own.shape == "element" and sum(tree.child(b).shape != "signal" for b in branches) == (
         2 if along is None else 1
@@ -135,10 +146,7 @@ def _arrangements(tree: Growth, node: int, along: Vector | None) -> Iterator[Arr
 
 def _likes(node: DiagramNode, branch: TreeBranch) -> Sequence[Vector]:
     """Return the preferred sides of the end of a bond, best first."""
-    if branch.towards is None:
-        return LIKES.get(node.letter, SIDES)
-    x, y = branch.towards
-    return sorted(SIDES, key=lambda s: -(s[0] * x + s[1] * y))
+    return branch.likes or LIKES.get(node.letter, SIDES)
 
 
 def _price(node: DiagramNode, branch: TreeBranch, side: Vector) -> float:
@@ -181,15 +189,13 @@ def _foot(node: DiagramNode, side: Vector) -> float:
 
 
 def _clear(taken: Rectangles, block: Block, side: Vector, start: float, least: float) -> float:
-    """Return the distance at which neither a part nor its bond touches occupied space; infinite if there is none."""
+    """Return the distance at which neither a part nor its bond touches occupied space; infinite if there is none.
+
+    What the bond touches, a longer one touches, too.
+    """
     x, y = side
     distance = push(taken, block.taken, side, least)
-    for attempt in range(40):
-        tip = distance - block.reach - GAP
-        bond = lane((x * start, y * start), (x * tip, y * tip))
-        if not touches(taken[1:], bond, 1.0) and not touches(
-            moved(block.taken[1:], x * distance, y * distance), bond, 1.0
-        ):
-            return distance
-        distance = push(taken, block.taken, side, distance + 12 + attempt**2)
-    return math.inf
+    tip = distance - block.reach - GAP
+    bond = lane((x * start, y * start), (x * tip, y * tip))
+    own = moved(block.taken[1:], x * distance, y * distance)
+    return math.inf if touches(taken[1:], bond, 1.0) or touches(own, bond, 1.0) else distance
