@@ -15,7 +15,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import takewhile
@@ -56,6 +56,8 @@ def local_workers(
 
     if in_threads or not can_be_copied():
         return LocalWorkers(ThreadPoolExecutor(count), report, stopped)
+    from concurrent.futures import ProcessPoolExecutor  # which Python in a browser does not have
+
     fork = multiprocessing.get_context("fork")
     copies = ProcessPoolExecutor(count, fork, _begun_as_copy, (report, os.getpid()))
     return LocalWorkers(copies, _report_of_copy, stopped)

@@ -1,12 +1,13 @@
 """The playground: the page of a folder as files, which run in the reader's browser.
 
 Python's side runs in a process that lacks what a browser lacks, from the archive alone. In the browser everything is real but Pyodide, whose double asks that
-process: there is no build of numpy and scipy for browsers to be had here.
+process. Pyodide itself is tried where PYODIDE names a folder with its files, numpy and scipy.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -191,14 +192,34 @@ NODES = "document.querySelectorAll('g.node').length"
 NAME = "document.querySelector('h1')?.textContent"
 
 
+each = pytest.mark.parametrize(("file", "name"), [("oscillator", "Oscillator"), ("clipper", "Clipper"), ("manipulator", "Manipulator")])  # fmt: skip
+
+
 @pytest.mark.few(1)
-@pytest.mark.parametrize(("file", "name"), [("oscillator", "Oscillator"), ("clipper", "Clipper"), ("manipulator", "Manipulator")])  # fmt: skip
+@each
 def test_a_model_is_drawn_and_run(hosted: str, open_page: Callable[..., Any], file: str, name: str) -> None:
     """The first picture needs no Python; nothing is asked of anybody but the host of the files."""
+    drawn_and_run(hosted, open_page, file, name)
+
+
+@pytest.mark.skipif("PYODIDE" not in os.environ, reason="PYODIDE names no folder with Pyodide, numpy and scipy")
+@each
+def test_in_pyodide_itself(hosted: str, open_page: Callable[..., Any], site: Path, file: str, name: str) -> None:
+    here = (site / "site" / "pyodide").rename(site / "site" / "double")
+    try:
+        (site / "site" / "pyodide").symlink_to(os.environ["PYODIDE"])
+        assert playground.missing(site / "site" / "pyodide") == []
+        drawn_and_run(hosted, open_page, file, name, 300.0)
+    finally:
+        (site / "site" / "pyodide").unlink(missing_ok=True)
+        here.rename(site / "site" / "pyodide")
+
+
+def drawn_and_run(hosted: str, open_page: Callable[..., Any], file: str, name: str, patience: float = 60.0) -> None:
     opened = open_page(f"{hosted}#{file}.bg")
     page = opened.page
     assert page.evaluate(NODES) > 3
-    until(page, f"{NAME} === {name!r} && {CURVE}")
+    until(page, f"{NAME} === {name!r} && {CURVE}", patience)
     assert page.evaluate(NODES) > 3 and page.locator("#equations math").count() > 3
     assert opened.console == [] and opened.elsewhere(hosted) == []
     assert page.inner_text("#loading") == ""
