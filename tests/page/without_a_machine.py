@@ -15,7 +15,7 @@ import threading
 import time
 from typing import Any, NoReturn
 
-REMOVED = "_multiprocessing _posixshmem curses dbm fcntl grp lzma pwd resource sqlite3 ssl syslog termios tkinter".split()
+REMOVED = {"_multiprocessing", "_posixshmem", "curses", "dbm", "fcntl", "grp", "lzma", "pwd", "resource", "sqlite3", "ssl", "termios"}  # fmt: skip
 
 
 def absent(*arguments: object, **named: object) -> NoReturn:

@@ -161,7 +161,7 @@ def test_a_journal_runs_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["subprocess.Popen", "bondgraph.studies.local_workers.ProcessPoolExecutor", "pathlib.os"]
+    "name", ["subprocess.Popen", "bondgraph.studies.local_workers.ThreadPoolExecutor", "pathlib.os"]
 )
 def test_a_journal_reads_no_other_nouns(name: str) -> None:
     """Nor those that modules of ours use."""
