@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SAME_REST = 1e-6  # relative to the largest state of its unit: difference of one rest found twice
 # A part of a length of time, and refusals of one with too many instants.
-SHORTER, TOO_MANY = 1e-3, ("BR761", "BR762", "BR763")
+SHORTER, TOO_MANY = 1e-5, ("BR761", "BR762", "BR763")
 KEPT = 1e-9  # relative: change of what is stored where junctions go on or off
 
 

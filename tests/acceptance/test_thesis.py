@@ -113,6 +113,7 @@ def test_what_does_not_agree_is_told(tmp_path: Path) -> None:
     assert done.exit_code == 3 and "0 of 1 agree" in done.output
 
 
+@pytest.mark.machine_code
 def test_what_is_taken_of_a_run_tables_and_pictures(tmp_path: Path) -> None:
     """The spring rings about 2.5 mm with almost no damping: between 0 and 5 mm; a table of a sweep; a picture beside the page."""
     pytest.importorskip("matplotlib")

@@ -116,8 +116,8 @@ def code_of(text: str) -> tuple[ProgramImage, list[str], list[int]]:
 @pytest.mark.parametrize("kind", ["flat ladder", "ladder as an array", "coils", "star"])
 def test_code_does_not_grow_with_the_number_of_instances(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LONGEST_IN_LINES", 0)  # also where lines would do
-    described, texts, sizes = code_of(TEXTS[kind](100))
-    longer, more, others = code_of(TEXTS[kind](1000))
+    described, texts, sizes = code_of(TEXTS[kind](50))
+    longer, more, others = code_of(TEXTS[kind](500))
     assert sum(sizes) < 30_000
     for few, many, size, other in zip(texts, more, sizes, others, strict=True):
         assert few.count("\ndefine ") == many.count("\ndefine ")

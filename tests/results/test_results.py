@@ -75,6 +75,7 @@ def test_json_has_null_for_what_is_not_finite() -> None:
     }
 
 
+@pytest.mark.machine_code
 def test_pandas_and_plot(tmp_path: Path) -> None:
     result = bondgraph.load("models/rlc.bg").simulate(points=11)
     table = result.to_pandas()

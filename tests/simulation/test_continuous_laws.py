@@ -78,7 +78,9 @@ def test_two_tanks_level_out(second: float, target: str) -> None:
     )  # from 2.5 the levels end on rounding of their sum, and steps are short there
 
 
-@pytest.mark.parametrize(("c", "solver"), [(1e-12, "radau"), (1e-13, "rodas"), (1e-15, "radau")])
+@pytest.mark.parametrize(
+    ("c", "solver"), [(1e-12, "radau"), (1e-13, "rodas"), pytest.param(1e-15, "radau", marks=pytest.mark.machine_code)]
+)
 @pytest.mark.parametrize("law", ["sign(P)*sqrt(abs(P)/1 Pa)", "sqrt(P/1 Pa) if P > 0 Pa else -sqrt(-P/1 Pa)"])
 def test_a_stiff_volume_passes_the_infinite_slope_of_an_orifice(law: str, c: float, solver: str) -> None:
     """A flow a t through zero: V = B t^2 with 2 B = a - k sqrt(B/c) behind it, and before it the same with -k. The law does not jump where its sign does."""
@@ -126,7 +128,9 @@ def pressures(law: str) -> Any:
     return bondgraph.load(text).simulate(to=0.12, points=21)["P"]
 
 
-@pytest.mark.parametrize("law", OPENS)
+@pytest.mark.parametrize(
+    "law", [*OPENS[::2], *(pytest.param(law, marks=pytest.mark.machine_code) for law in OPENS[1::2])]
+)
 def test_a_relief_valve_opens_and_shuts_whatever_way_its_root_is_written(law: str) -> None:
     """Its law has no value below its pressure, and is open at less than the rounding of the pressure, too."""
     np.testing.assert_allclose(pressures(law), pressures("sqrt(max(P - set, 0 Pa)/1 Pa)"), rtol=1e-4)
@@ -346,7 +350,7 @@ def test_a_pad_that_only_pushes_is_met_again_where_it_is(r: float, target: str) 
     np.testing.assert_allclose(found["v"], expected[1], rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize("solver", ["radau", "explicit"])
+@pytest.mark.parametrize("solver", ["radau", pytest.param("explicit", marks=pytest.mark.machine_code)])
 def test_work_of_a_step_that_a_condition_divides(solver: str) -> None:
     """A bob falls into a rope: until its stretch is zero the loss takes what the rope gives, then both are zero. All of the energy is told."""
     text = """model Swing {

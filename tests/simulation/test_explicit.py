@@ -69,7 +69,7 @@ def test_the_order_of_steps_and_of_the_polynomial_between(monkeypatch: pytest.Mo
     assert math.log2(inside[0] / inside[1]) > 7
 
 
-@pytest.mark.parametrize("solver", ["explicit", "radau"])
+@pytest.mark.parametrize("solver", ["explicit", pytest.param("radau", marks=pytest.mark.machine_code)])
 def test_the_error_is_proportional_to_the_tolerance(solver: str) -> None:
     tolerances = [1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10]
     errors = [error_of_orbit(rtol=t, solver=solver)[0] for t in tolerances]

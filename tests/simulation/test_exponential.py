@@ -69,7 +69,11 @@ def exact(matrix: list[list[float]], push: object, start: list[float], time: flo
     [
         ("0 N", lambda t: 0),
         ("3 N*time/1 s + 1 N*(time/1 s)^3", lambda t: 3 * t + t**3),
-        ("2 N*sin(17 [1/s]*time)*exp(-time/1 s)", lambda t: 2 * mpmath.sin(17 * t) * mpmath.exp(-t)),
+        pytest.param(
+            "2 N*sin(17 [1/s]*time)*exp(-time/1 s)",
+            lambda t: 2 * mpmath.sin(17 * t) * mpmath.exp(-t),
+            marks=pytest.mark.machine_code,
+        ),
         ("1 N/(1 + (time/0.1 s)^2)", lambda t: 1 / (1 + (10 * t) ** 2)),
     ],
     ids=["free", "polynomial", "burst", "pole nearby"],

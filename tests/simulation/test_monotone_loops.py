@@ -303,6 +303,7 @@ def test_rails_float_where_no_digit_of_a_current_shows(law: str) -> None:
     assert run["across"].min() < -5 and not run.warnings
 
 
+@pytest.mark.machine_code
 def test_what_the_equations_leave_open_is_told() -> None:
     """Constants of different names do not cancel: their rounding hides what is left. A leak beside each diode decides."""
     (warning,) = floating("I_{}*(exp(u/U_T) - 1)", 1e-7).warnings

@@ -104,7 +104,7 @@ def test_conditions_of_order(stages: int) -> None:
         assert matrix[-1] @ c ** (power - 1) == pytest.approx(1 / power, abs=1e-13)
 
 
-@pytest.mark.parametrize("name", ["van_der_pol", "slider_crank"])
+@pytest.mark.parametrize("name", ["van_der_pol", pytest.param("slider_crank", marks=pytest.mark.machine_code)])
 def test_tight_tolerances_with_few_evaluations(name: str) -> None:
     """Stiff relaxation, and a closed mechanism: at 1e-10 a third of the evaluations of order 5 or fewer, within 30 tolerances of a tighter run."""
     model = bondgraph.load(MODELS / f"{name}.bg")

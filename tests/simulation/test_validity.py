@@ -75,6 +75,7 @@ class TestTables:
             result = bondgraph.load(text).simulate(to=0.1, rtol=rtol)
             assert result.final("y") == pytest.approx(1, abs=10 * rtol)
 
+    @pytest.mark.machine_code
     def test_corners_in_time_are_instants(self) -> None:
         """A needle of 2 us: no step runs over it, and its area is exact."""
         speed = "1 [m/s]*linear(time, (0 s, 0.4 s, 0.400001 s, 0.400002 s, 1 s), (0, 0, 1e6, 0, 0))"

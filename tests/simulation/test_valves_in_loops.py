@@ -104,7 +104,7 @@ model Curved {
 
 
 @pytest.mark.parametrize("start", ["", "{ start u = s*0.3 [V] }"], ids=["empty", "charged"])
-@pytest.mark.parametrize("scale", [1e-9, 1e-12])
+@pytest.mark.parametrize("scale", [pytest.param(1e-9, marks=pytest.mark.machine_code), 1e-12])
 def test_curved_storages_and_their_impulses_have_no_size_of_their_own(start: str, scale: float) -> None:
     """At a scale of 1e-9 the diode never opened: a root that is far from zero counted as rounding, and an impulse at the start was too small to be seen."""
     model = bondgraph.load(CURVED.replace("START", start))

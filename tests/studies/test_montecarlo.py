@@ -92,7 +92,7 @@ def test_frequencies_of_lognormal_stiffness_and_mass() -> None:
     model = bondgraph.load(OSCILLATOR)
     for r in (0.0, 0.7):
         found = model.montecarlo(
-            vary, samples=512, correlations={("k", "m"): r} if r else None, indices=0, workers=ALONE
+            vary, samples=256, correlations={("k", "m"): r} if r else None, indices=0, workers=ALONE
         )
         logs = np.log(found("frequency 1"))
         middle = (math.log(100) - sk**2 / 2 + sm**2 / 2) / 2 - math.log(2 * math.pi)
