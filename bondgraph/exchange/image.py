@@ -12,9 +12,12 @@ from compiler.api import FLOATS, INTS, Fields, record_of, zeros_of
 
 from ..simulation.integrators.acceptance.event_indicators import IndicatorWorkspace
 from ..simulation.integrators.acceptance.first_crossing import MOST_PARTS
+from ..simulation.integrators.compiled.constraint_functions import fields_of
 from ..simulation.integrators.compiled.fields import given_at, room_of
 from ..simulation.integrators.compiled.record_layout import RecordLayout
+from ..simulation.integrators.linear_algebra.factors import Factors
 from ..simulation.integrators.methods import EXPLICIT, RADAU
+from ..simulation.loops.loops import LoopSolver
 from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals
 from .messages import KINDS, MESSAGES, sentence_of
@@ -30,11 +33,11 @@ NAMES = {
     "find_constants": "constants", "find_start": "start", "find_instants": "instants", "find_recurring": "recurring", "find_periods": "periods",
     "find_switches": "switches", "find_output": "output", "find_slopes": "slopes", "find_limits": "limit_values",
     "entries": "jacobian_entries", "find_modes": "mode_start", "find_counts": "counts", "find_triggers": "triggers", "find_values": "values",
-    "find_sampling": "sampling",
+    "find_sampling": "sampling", "find_claims": "claims",
 }  # fmt: skip
 FUNCTIONS = (
     "constants", "start", "derivative", "jacobian_entries", "output", "instants", "periods", "switches", "holds", "limit_values", "bends", "peaks",
-    "recurring", "mode_start", "roots", "counts", "triggers", "values", "sampling",
+    "recurring", "mode_start", "roots", "counts", "triggers", "values", "sampling", "solved", "invariant", "invariant_slopes", "claims",
 )  # fmt: skip
 NOW = Segment(0.0, 1.0, np.empty(0))
 
@@ -83,7 +86,10 @@ def _complete(record: Fields, values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _fields(program: Program, module: LibraryModule, values: StartValues) -> dict[str, Any]:
     """Return the fields of an instance."""
-    counts, n, hybrid = module.counts, len(program.states.names), program.hybrid
+    counts, hybrid, constants = module.counts, program.hybrid, program.constants(values.parameters)
+    differential, unknowns = len(program.states.names), len(program.unknowns.names)
+    n, solved = differential + unknowns, unknowns == len(program.eliminated)
+    loops = LoopSolver(program, constants, values.inputs, values.tolerances.magnitude)
     timed = range(counts["switches"]) if hybrid is None else hybrid.timed
     slopes, limits = module.slopes, program.limits
     places = np.cumsum([0, *(len(note.values) for note in limits)])
@@ -91,9 +97,13 @@ def _fields(program: Program, module: LibraryModule, values: StartValues) -> dic
         FmuInstance, n=n, has_events=int(hybrid is not None), parameter_count=len(values.parameters), input_count=len(values.inputs),
         output_count=counts["output"], instant_count=counts["instants"], period_count=counts["periods"], recurring_count=counts.get("recurring", 0),
         mode_count=counts["switches"], slope_count=len(slopes), seeds=n + len(values.inputs), limit_numbers=int(places[-1]),
-        own_method=EXPLICIT if program.bends is None else RADAU,
+        own_method=EXPLICIT if program.bends is None and solved else RADAU, claim_count=counts.get("claims", 0),
     ) | {
-        "solver": _solver(program, counts, values), "events": None if hybrid is None else _events(hybrid, n), "relative": values.tolerances.relative,
+        "solver": _solver(program, counts, values), "written": values.written, "assembled": values.state,
+        "claimed": program.claims(0.0, values.state, values.inputs, constants, np.zeros(counts["switches"])) if "claims" in counts else np.zeros(0),
+        "parts": _whole(p for p in program.parts if p >= 0), "part_count": sum(p >= 0 for p in program.parts),
+        "loops": {} if solved else loops.room(np.arange(unknowns)) | {"magnitude": loops.magnitude, "unknown": int(loops.unknown), "state": np.zeros(n)},
+        "behind": zeros_of(Factors, n=unknowns), "events": None if hybrid is None else _events(hybrid, n), "relative": values.tolerances.relative,
         "parameters": np.array(values.parameters, dtype=float), "timed": _whole(timed), "slope_rows": _whole(row for row, _ in slopes),
         "slope_columns": _whole(column for _, column in slopes), "limit_kind": _whole(KINDS.index(note.kind) for note in limits),
         "limit_place": _whole(places[:-1]),
@@ -108,9 +118,15 @@ def _solver(program: Program, counts: Mapping[str, int], values: StartValues) ->
     signals = Signals(nothing, nothing, np.zeros((0, 0)), True)
     at_start = given_at(context, NOW, values.state, np.inf, signals)
     room = room_of(program, EXPLICIT, 0, counts.get("bends", 0), counts.get("peaks", 0))
+    magnitude, closed = np.asarray(values.tolerances.magnitude, dtype=float), {}
+    if program.invariants.names:
+        own = program.constants(values.parameters)
+        closed = fields_of(program, nothing, own, magnitude, values.taking) | {"constants": nothing, "mode": nothing}
+    redundant = int(not values.taking[: closed.get("gaps", 0)].all())
     mode = {"mode": np.zeros(counts["switches"] if program.hybrid is None else program.hybrid.size), "root_narrow": 0}
     checked = {"limit_count": len(program.limits)}  # those of parameters alone too: whoever holds the unit may set them
-    return room | at_start | mode | checked | {"closed": {}, "redundant": 0, "pattern": {"n": len(values.state)}}
+    pattern = {"n": len(values.state)}
+    return room | at_start | mode | checked | {"closed": closed, "redundant": redundant, "pattern": pattern}
 
 
 def _events(hybrid: Hybrid, n: int) -> dict[str, Any]:

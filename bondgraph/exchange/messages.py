@@ -18,6 +18,9 @@ _SENTENCES = {
     instance.SET_TWICE: "Two events set one quantity at one instant.",
     instance.WRONG_SAMPLING: "The period, offset, delay, jitter or seed of a sampled event is out of its range.",
     instance.CROWDED: "A condition changes too often within a step to be followed: it may be nothing but the rounding of terms that cancel.",
+    instance.SINGULAR: "The mechanism comes to a singular pose: its constraints depend on each other there, and it may go on in several ways.",
+    instance.OPEN: "The loops of the mechanism are not closed with these values: set the starts of all its states so that they are.",
+    instance.NO_SOLUTION: "An algebraic loop has no solution near the last one.",
     instance.ENDED: "An event has ended the run.",
 }  # fmt: skip
 MESSAGES = tuple(_SENTENCES.get(number, "") for number in range(instance.LIMITS))

@@ -37,13 +37,14 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
                 yield setting.span, f"`{setting.words}`, which an event sets and states compute", text
     if space.delays:
         yield space.delays[0].span, "delayed signals", _RUN
-    if space.invariants:
-        yield graph.span, "a mechanism that constraints hold together (closed loops, rolling)", _RUN
-    elif space.unknowns:
+    multipliers = 0 if lowered.solved is None else len(lowered.solved.multipliers)
+    if space.unknowns and (lowered.events.present or 0 < multipliers < len(space.unknowns)):
         names = ", ".join(f"`{space.variables[u.variable].name}`" for u in space.unknowns[:3])
-        loop = "Put a storage or a compliance into the loop, or solve its law for the variable that causality asks for."
-        yield graph.span, f"nonlinear algebraic loops ({names})", loop
-    if space.claims:
+        what = "events" if lowered.events.present else "closed loops of a mechanism"
+        yield graph.span, f"nonlinear algebraic loops or constraints ({names}) beside {what}", _RUN
+    elif space.unknowns and not space.states:
+        yield graph.span, "nonlinear algebraic loops of a model without states", _RUN
+    if space.claims and not space.invariants:
         text = "Give the start of the storage itself."
         yield graph.span, "starts of quantities that are computed from states", text
     for number, _, _ in narrow_conditions(lowered):

@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StartValues:
-    """Values with which an instance begins, in SI, and its tolerances."""
+    """Values with which an instance begins, in SI, and its tolerances; the start as the text gives it; and a mask of the constraints that take part."""
 
     parameters: Any
     inputs: Any
-    state: Any
+    state: Any  # on the constraints, with the unknowns of loops
     tolerances: Tolerances
+    written: Any
+    taking: Any
 
 
 def start_values(
@@ -55,10 +57,14 @@ def start_values(
                 compiled_scene, tolerances, _magnitudes(example, phase.instants, replace(options, plan=plan))
             )
         written = np.asarray(program.start(phase.constants))
+    constraints, count = phase.constraints, len(program.states.names)
     # Events may have acted at the start of a run, which an instance does by itself.
-    if alone.equilibrium if phase.events is not None else not np.array_equal(written, phase.state):
+    by_itself = phase.events is not None or bool(constraints)
+    if alone.equilibrium if by_itself else not np.array_equal(written[:count], phase.state[:count]):
         _refuse(compilation, "a start that has to be searched", "Give the starts of the storages themselves.")
-    return StartValues(program.defaults, program.input_defaults, written, tolerances)
+    parameters = constraints.parameters if constraints else program.defaults
+    begins = phase.state if constraints or program.unknowns.names else written
+    return StartValues(parameters, program.input_defaults, begins, tolerances, written, constraints.taking)
 
 
 def _magnitudes(example: CompiledScene, instants: Array, options: PhaseOptions) -> Mapping[str, float]:

@@ -51,12 +51,12 @@ def variables_of(
 
 
 def _states(lowered: Lowered, values: StartValues, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:
-    """Yield the states. One whose start parameters decide is calculated, and others can be set."""
-    magnitudes = values.tolerances.magnitude
+    """Yield the states. One whose start parameters decide is calculated, and others can be set; in a closed mechanism all, which begin assembled."""
+    magnitudes, assembled = values.tolerances.magnitude, bool(lowered.space.invariants)
     reset = {s.position for event in lowered.events.events for s in event.settings if s.kind == "state"}
-    rows = zip(_state_variables(lowered), lowered.starts, magnitudes, strict=True)
-    for place, (state, start, magnitude) in enumerate(rows):
-        number = float(start.value) if isinstance(start, Number) else None
+    rows = zip(_state_variables(lowered), lowered.starts, values.state, magnitudes, strict=False)
+    for place, (state, start, value, magnitude) in enumerate(rows):
+        number = float(value) if assembled or isinstance(start, Number) else None
         initial, description = "calculated" if number is None else "exact", descriptions.get(state.name, "")
         yield FmuVariable(
             _name(state, lowered), "local", "continuous", state.unit, initial, number, float(magnitude), description,
@@ -80,11 +80,15 @@ def _inputs(lowered: Lowered, values: StartValues, descriptions: Mapping[str, st
 def _parameters(
     lowered: Lowered, structure: ProgramStructure, values: StartValues, descriptions: Mapping[str, str]
 ) -> Iterator[FmuVariable]:
-    """Yield the parameters. Those that only starts read are fixed."""
+    """Yield the parameters. Those that only starts read are fixed; which constraints take part is no choice of an importer."""
+    parts = {i.part for i in lowered.space.invariants}
     for place, (number, value) in enumerate(zip(lowered.parameters, values.parameters, strict=True)):
         item, variability = lowered.space.variables[number], "tunable" if place in structure.read else "fixed"
         description = descriptions.get(item.name, "")
-        yield FmuVariable(item.name, "parameter", variability, item.unit, "exact", float(value), None, description)
+        if number in parts:
+            yield FmuVariable(item.name, "local", "fixed", item.unit, "calculated")
+        else:
+            yield FmuVariable(item.name, "parameter", variability, item.unit, "exact", float(value), None, description)
 
 
 def _outputs(lowered: Lowered, structure: ProgramStructure, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:

@@ -20,13 +20,15 @@ _SMOOTH = frozenset(("add", "multiply", "divide", "power", "item", "solve", "ban
 _AT_EVENTS = EVENT | MODE | PARAMETER  # what changes at events alone depends on nothing else
 
 _SLOPES = ProgramFunction(
-    "slopes", "Slopes of the rates, then the outputs, by the states, then the inputs.", lambda lowered: None
+    "slopes",
+    "Slopes of the rates, residuals of unknowns, outputs and invariants by the states, unknowns and inputs.",
+    lambda lowered: None,
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Dependency:
-    """Reading of a state or an input by a rate or an output. Rows count rates, then outputs; columns states, then inputs."""
+    """Reading of a state or an input by a rate or an output, also through unknowns. Rows count rates, then outputs; columns states, then inputs."""
 
     row: int
     column: int
@@ -44,20 +46,29 @@ class ProgramStructure:
     conditions: tuple[tuple[int, ...], ...]
 
 
-def row_variables(lowered: Lowered) -> list[int]:
+def _row_variables(lowered: Lowered) -> list[int]:
     """Return the variables behind the rows: rates, then outputs."""
     return [*(s.rate for s in lowered.space.states), *lowered.space.outputs.values()]
 
 
-def column_numbers(lowered: Lowered) -> list[int]:
-    """Return for each column of the lowered slopes (states, then variables by which is differentiated) its number: states, then inputs."""
-    count = len(lowered.space.states)
+def _slope_rows(lowered: Lowered) -> list[int]:
+    """Return the variables behind the rows of the slopes: rates, residuals of unknowns, outputs, invariants."""
+    space = lowered.space
+    positions = [i.position for i in space.invariants if i.position is not None]
+    invariants = [*positions, *(i.velocity for i in space.invariants if i.velocity is not None)]
+    rates = [*(s.rate for s in space.states), *(u.residual for u in space.unknowns)]
+    return [*rates, *space.outputs.values(), *invariants]
+
+
+def _column_numbers(lowered: Lowered) -> list[int]:
+    """Return for each column of the lowered slopes (states, unknowns, then variables by which is differentiated) its number: the inputs come last."""
+    count = len(lowered.space.states) + len(lowered.space.unknowns)
     inputs = {variable: count + place for place, variable in enumerate(lowered.inputs)}
     return [*range(count), *(inputs[variable] for variable in lowered.by)]
 
 
 def slopes_of(lowered: Lowered) -> tuple[ProgramFunction, list[Expression]]:
-    """Return the function of a program that computes the slopes of rates and outputs, with its results."""
+    """Return the function of a program that computes these slopes, with its results."""
     return _SLOPES, [entry for _, entry in _slopes(lowered)]
 
 
@@ -68,10 +79,10 @@ def slope_places(lowered: Lowered) -> list[tuple[int, int]]:
 
 def _slopes(lowered: Lowered) -> list[tuple[tuple[int, int], Expression]]:
     """Return the slopes that are not zero, by row and column."""
-    columns = column_numbers(lowered)
+    columns = _column_numbers(lowered)
     entries = [
         ((row, columns[column]), entry)
-        for row, variable in enumerate(row_variables(lowered))
+        for row, variable in enumerate(_slope_rows(lowered))
         for column, entry in lowered.slopes.get(variable, {}).items()
         if entry != ZERO
     ]
@@ -80,10 +91,11 @@ def _slopes(lowered: Lowered) -> list[tuple[tuple[int, int], Expression]]:
 
 def structure_of(lowered: Lowered) -> ProgramStructure:
     """Return the structure of a program."""
-    rows = row_variables(lowered)
+    rows = _row_variables(lowered)
     roots = [lowered.values[variable] for variable in rows]
+    residuals = lowered.rates[len(lowered.space.states) :]
     others = [*(limit.condition for limit in lowered.limits), *lowered.switches, *lowered.instants, *lowered.periods]
-    others += [*lowered.events.roots(), *lowered.events.sampling]
+    others += [*lowered.events.roots(), *lowered.events.sampling, *residuals, *lowered.invariants]
     reads = _Reads(lowered, [*roots, *others])
     read = 0
     for root in [*roots, *others]:
@@ -95,21 +107,22 @@ def structure_of(lowered: Lowered) -> ProgramStructure:
         if lowered.dependence(x) & EVENT and not lowered.dependence(x) & ~_AT_EVENTS
     ]
     behind = (reads.columns(condition.root) for condition in lowered.events.located)
-    conditions = tuple(tuple(c for c in range(reads.count) if columns >> c & 1) for columns in behind)
+    conditions = tuple(tuple(reads.numbers(c | reads.held if c & reads.held else c)) for c in behind)
     return ProgramStructure(
         tuple(_dependencies(lowered, rows, roots, reads)), parameters, frozenset(discrete), conditions
     )
 
 
 def _dependencies(lowered: Lowered, rows: Sequence[int], roots: Sequence[Expression], reads: _Reads) -> Iterator[Dependency]:  # fmt: skip
-    numbers = column_numbers(lowered)
+    numbers = _column_numbers(lowered)
     for row, (variable, root) in enumerate(zip(rows, roots, strict=True)):
         slopes = {numbers[c]: s for c, s in lowered.slopes.get(variable, {}).items() if s != ZERO}
-        whole, bent = reads.columns(root), reads.bent(root)
-        for column in range(reads.count):
-            if whole >> column & 1 or column in slopes:
-                slope = None if bent >> column & 1 else slopes.get(column)
-                yield Dependency(row, column, _kind(lowered, slope))
+        whole = reads.columns(root) | sum(1 << column for column in slopes)
+        through = reads.held if whole & reads.held else 0
+        bent = reads.bent(root) | through
+        for place in reads.numbers(whole | through):
+            column = reads.places[place]
+            yield Dependency(row, place, _kind(lowered, None if bent >> column & 1 else slopes.get(column)))
 
 
 def _kind(lowered: Lowered, slope: Expression | None) -> str:
@@ -122,9 +135,9 @@ class _Reads:
     """Leaves behind expressions, as bits: parameters, and columns, of which those behind a jump or a kink are told apart."""
 
     def __init__(self, lowered: Lowered, roots: Sequence[Expression]) -> None:
-        states = len(lowered.space.states)
-        self.count = states + len(lowered.inputs)
-        self._first = {"state": 0, "input": states}
+        states, unknowns = len(lowered.space.states), len(lowered.space.unknowns)
+        self.places = [*range(states), *range(states + unknowns, states + unknowns + len(lowered.inputs))]
+        self._first = {"state": 0, "input": states + unknowns}
         self._known: dict[Expression, tuple[int, int, int]] = {}
         # What events read, a discrete variable and a condition jump with. A mode that they read themselves adds nothing to it.
         self._behind_mode = (0, 0, 0)
@@ -133,6 +146,12 @@ class _Reads:
             self._known.clear()
             self._behind_mode = 0, behind, behind
         self.of(roots)
+        # Unknowns depend on all that their equations read; states on constraints are read where all of them are on these.
+        self.held = self.of([*lowered.rates[states:], *lowered.invariants])
+
+    def numbers(self, columns: int) -> list[int]:
+        """Return the places of states and inputs among both, from columns as bits."""
+        return [place for place, column in enumerate(self.places) if columns >> column & 1]
 
     def of(self, roots: Sequence[Expression]) -> int:
         """Read some expressions; return the states and inputs behind any of them."""

@@ -12,6 +12,7 @@ from ...simulation.integrators.tolerances import (
     stagnation_tolerance,
 )  # fmt: skip
 from .conditions import indicate
+from .constraints import hold
 from .events import instant, steady
 from .instance import (
     EVENT_MODE,
@@ -40,7 +41,7 @@ def set_up(s: FmuInstance, has_tolerance: int, tolerance: float, start: float, h
     s.segment_known = 0
     s.stop = stop if has_stop != 0 else INFINITE
     if has_tolerance != 0 and tolerance > 0.0:
-        hold(s, min(max(tolerance, LEAST), LARGEST))
+        integrate_to(s, min(max(tolerance, LEAST), LARGEST))
     return OK
 
 
@@ -50,7 +51,7 @@ def set_up_and_start(s: FmuInstance, has_tolerance: int, tolerance: float, start
     return failed if failed != OK else may_start(s)
 
 
-def hold(s: FmuInstance, relative: float) -> None:
+def integrate_to(s: FmuInstance, relative: float) -> None:
     """Integrate to a relative tolerance; absolute ones that no author gave are proportional to it."""
     w = s.solver
     for i in range(w.n):
@@ -72,6 +73,8 @@ def end_initialization(s: FmuInstance) -> int:
         return refused(s, NOT_NOW)
     settle(s)
     failed = check_start(s)
+    if failed == OK:
+        failed = hold(s)
     if failed != OK:
         return failed
     s.phase = RUNNING if s.makes_steps != 0 and (s.makes_steps & EVENT_MODE) == 0 else EVENTS
@@ -155,7 +158,7 @@ def set_time(s: FmuInstance, time: float) -> int:
 
 def set_states(s: FmuInstance, states: Floats, count: int) -> int:
     """Set all states."""
-    if count != s.solver.n:
+    if count != s.solver.differential:
         return refused(s, NOT_NOW)
     settle(s)
     for i in range(count):
@@ -167,7 +170,7 @@ def set_states(s: FmuInstance, states: Floats, count: int) -> int:
 def get_states(s: FmuInstance, states: Floats, count: int) -> int:
     """Put all states into an array."""
     settle(s)
-    for i in range(min(count, s.solver.n)):
+    for i in range(min(count, s.solver.differential)):
         states[i] = s.state[i]
     return OK
 
@@ -177,14 +180,14 @@ def get_rates(s: FmuInstance, rates: Floats, count: int) -> int:
     failed = find_rates(s)
     if failed != OK:
         return failed
-    for i in range(min(count, s.solver.n)):
+    for i in range(min(count, s.solver.differential)):
         rates[i] = s.rates[i]
     return OK
 
 
 def get_nominals(s: FmuInstance, nominals: Floats, count: int) -> int:
     """Put the magnitudes of all states into an array."""
-    for i in range(min(count, s.solver.n)):
+    for i in range(min(count, s.solver.differential)):
         nominals[i] = s.solver.magnitude[i]
     return OK
 
@@ -215,7 +218,7 @@ def complete_step(s: FmuInstance, events: Bytes, ends: Bytes) -> int:
 
 def count_states(s: FmuInstance, number: Ints) -> int:
     """Tell the number of states."""
-    number[0] = s.solver.n
+    number[0] = s.solver.differential
     return OK
 
 

@@ -6,6 +6,8 @@ from compiler.api import Floats, Ints, Record, sized
 
 from ...simulation.integrators.acceptance.event_indicators import IndicatorWorkspace
 from ...simulation.integrators.acceptance.event_passing import OFTEN
+from ...simulation.integrators.linear_algebra.factors import Factors
+from ...simulation.integrators.loop_newton import LoopSystem
 from ...simulation.integrators.workspace import Function, IntegratorWorkspace
 
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3  # answers to an importer
@@ -17,9 +19,9 @@ REQUIREMENT, TABLE, START = 0, 1, 2  # kinds of limits
 # Messages, by their numbers in `messages.py`.
 (
     SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, WRONG_TIME, NO_SLOPE,
-    SLIDES, WITHOUT_END, PILED_UP, SET_TWICE, WRONG_SAMPLING, ENDED, CROWDED,
+    SLIDES, WITHOUT_END, PILED_UP, SET_TWICE, WRONG_SAMPLING, ENDED, CROWDED, SINGULAR, OPEN, NO_SOLUTION,
     LIMITS,  # and on: each limit of the model
-) = range(16)  # fmt: skip
+) = range(19)  # fmt: skip
 
 
 class EventData(Record):
@@ -79,7 +81,7 @@ class EventData(Record):
 
 
 class FmuInstance(Record):
-    """Values of a model and the state of its integration. n states.
+    """Values of a model and the state of its integration. n states and unknowns, of which an importer sees the `differential` first, the states.
 
     Value references count: time, states, their rates, inputs, parameters, outputs, discrete variables.
     """
@@ -93,10 +95,15 @@ class FmuInstance(Record):
     find_output: Function
     find_slopes: Function
     find_limits: Function
+    find_claims: Function
     solver: IntegratorWorkspace  # it also has the inputs, the constants and the mode
     events: EventData  # nothing where the model has none
+    loops: LoopSystem  # nothing where multipliers are the only unknowns
+    behind: Factors  # slopes of residuals by unknowns
     has_events: int
     parameter_count: int
+    part_count: int
+    parts: Ints  # part_count: parameters that say which constraints take part
     input_count: int
     output_count: int
     instant_count: int
@@ -109,14 +116,21 @@ class FmuInstance(Record):
     state: Floats = sized("n")
     is_set: Ints = sized("n")  # 1 where the importer has set the start
     starts: Floats = sized("n")
+    written: Floats  # n: start of the model with its own parameters, as its text gives it, and as the run assembles it
+    assembled: Floats  # n
+    claim_count: int
+    claims: Floats = sized("claim_count")
+    claimed: Floats  # claim_count: claims on the assembled start
+    full: Floats = sized("n")  # states on their constraints, and the unknowns that belong to them
+    right: Floats = sized("n")
     rates: Floats = sized("n")
     outputs: Floats = sized("output_count")
     instants: Floats = sized("instant_count")
     recurring_count: int
     recurring: Floats = sized("recurring_count")  # value at time 0 and slope of functions that jump at integers
     periods: Floats = sized("period_count")
-    slope_rows: Ints  # slope_count: rates, then outputs
-    slope_columns: Ints  # slope_count: states, then inputs
+    slope_rows: Ints  # slope_count: rates, residuals of unknowns, outputs, invariants
+    slope_columns: Ints  # slope_count: states, unknowns, inputs
     slopes: Floats = sized("slope_count")
     seed: Floats = sized("seeds")
     limit_kind: Ints  # for each limit: a requirement, a range of a table, values with which the model has no meaning
@@ -132,6 +146,8 @@ class FmuInstance(Record):
     waiting: int  # 1 if the importer is to let an event act
     constants_known: int
     segment_known: int
+    full_known: int
+    unheld: int  # 1 if a parameter has changed that may open a loop
     rates_known: int
     outputs_known: int
     slopes_known: int

@@ -18,6 +18,7 @@ MOST_TICKS = 8  # between the earliest one that may lie ahead and the one that d
 
 def forget(s: FmuInstance) -> None:
     """Discard what was computed from values that have changed since."""
+    s.full_known = 0
     s.rates_known = 0
     s.outputs_known = 0
     s.slopes_known = 0

@@ -7,9 +7,11 @@ from math import isfinite, ulp
 from compiler.api import Bytes, Floats
 
 from ...simulation.integrators.compiled.advance import advance, begin, begin_segment
-from ...simulation.integrators.methods import EXPLICIT, RADAU
-from ...simulation.integrators.outcomes import FINISHED, FLIP, LOOK, MORE, STIFF
+from ...simulation.integrators.dense_output.dense_output import INNER, C, state_at
+from ...simulation.integrators.methods import EXPLICIT, RADAU, THROUGH_ENDS
+from ...simulation.integrators.outcomes import CROSS, FINISHED, FLIP, LOOK, MORE, REDUNDANT, STIFF
 from .conditions import said
+from .constraints import hold
 from .events import CUT, FAILED, UNSURE, cut_at_event, instant
 from .instance import (
     DISCARD,
@@ -21,6 +23,7 @@ from .instance import (
     NOT_NOW,
     OK,
     RUNNING,
+    SINGULAR,
     TOO_MANY_STEPS,
     WARNING,
     WRONG_TIME,
@@ -35,6 +38,7 @@ AGAIN = 0.25  # first step, as a share of one that an event has cut badly
 MOST = 10_000_000  # steps within one communication step
 ROUNDING = 64.0  # units in the last place by which an importer's time may be off
 NOTHING = 4.0  # within which nothing changes: an importer's point is an instant of the unit but for rounding
+NEAR = 1e-3  # smallest singular value, by the size of the mechanism, up to which no pose counts as singular
 TINY = 1e5  # up to which a step is one that the end of a communication step has cut
 
 
@@ -130,7 +134,9 @@ def go_along(s: FmuInstance, until: float) -> int:
     """Integrate within a segment, up to a time or to the first event."""
     w = s.solver
     if s.broken != 0 or w.time != s.time or w.size < TINY * ulp(s.time):
-        start_steps(s, until)
+        failed = start_steps(s, until)
+        if failed != OK:
+            return failed
     w.stop = until
     w.until = until
     if w.n == 0:
@@ -169,15 +175,22 @@ def make_steps(s: FmuInstance) -> int:
                 return ERROR
             if event == UNSURE:
                 size = w.time - s.time
-                start_steps(s, w.stop)
+                forget(s)
+                failed = start_steps(s, w.stop)
+                if failed != OK:
+                    return failed
                 w.size = min(w.size, AGAIN * size)
+        elif answer == CROSS:
+            if w.pose_least[w.poses - 1] <= NEAR:
+                return refused(s, SINGULAR)
+            w.tried = w.ahead
         elif answer == LOOK:
-            for i in range(w.n):
-                s.state[i] = w.state[i] * w.magnitude[i]
-            judged = judge_limits(s, w.time, w.si)
+            judged = look_along(s)
             if judged > WARNING:
                 return judged
             result = max(result, judged)
+        elif answer == REDUNDANT:
+            return refused(s, SINGULAR)
         elif answer != MORE:
             s.message = NO_STEP
             s.broken = 1
@@ -187,9 +200,31 @@ def make_steps(s: FmuInstance) -> int:
     return DISCARD
 
 
-def start_steps(s: FmuInstance, until: float) -> None:
+def look_along(s: FmuInstance) -> int:
+    """Look at the limits where a step has left one; with unknowns, which the step does not have, at its end and within it."""
+    w = s.solver
+    for i in range(w.n):
+        s.state[i] = w.state[i] * w.magnitude[i]
+    if w.always == 0:
+        return judge_limits(s, w.time, w.si)
+    start = w.end_time[w.ends - 2]
+    inner = 2 if THROUGH_ENDS[w.method] != 0 else 4
+    judged = OK
+    for k in range(inner + 1):
+        part = 1.0 if k == inner else (C[k] if inner == 2 else INNER[k])
+        s.time = w.time if k == inner else start + part * (w.time - start)
+        state_at(w, s.time, s.state)
+        forget(s)
+        judged = max(judged, check_limits(s))
+    return judged
+
+
+def start_steps(s: FmuInstance, until: float) -> int:
     """Begin to integrate from the current values, as a new solver would."""
     w = s.solver
+    failed = hold(s)
+    if failed != OK:
+        return failed
     w.longest = INFINITE
     if s.period_count > 0:
         s.find_periods(0.0, s.state, w.inputs, w.constants, w.mode, s.periods)
@@ -197,7 +232,7 @@ def start_steps(s: FmuInstance, until: float) -> None:
             w.longest = min(w.longest, abs(s.periods[k]))
     w.usual = w.longest
     for i in range(w.n):
-        w.si[i] = s.state[i]
+        w.si[i] = s.full[i]
     w.time = s.time
     w.stop = until
     w.until = until
@@ -209,3 +244,4 @@ def start_steps(s: FmuInstance, until: float) -> None:
     if w.n > 0:
         begin_segment(w)
     s.broken = 0
+    return OK

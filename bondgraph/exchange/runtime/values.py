@@ -7,6 +7,7 @@ from math import isfinite
 from compiler.api import Bytes, Floats, ShortInts
 
 from .conditions import indicate
+from .constraints import complete, connect, factorise_slopes, put_assembled, spread
 from .events import start_modes
 from .instance import (
     ERROR,
@@ -32,13 +33,15 @@ from .segment import enter_segment, forget, inside, near_ticks, place_ticks, tic
 def settle(s: FmuInstance) -> None:
     """Compute what follows from the parameters, the segment of time, and before the run begins the mode."""
     w = s.solver
+    connect(s)
     if s.constants_known == 0:
         s.find_constants(0.0, s.state, w.inputs, s.parameters, w.mode, w.constants)
         if s.phase <= INITIALIZING and w.n > 0:
             s.find_start(0.0, s.state, w.inputs, w.constants, w.mode, s.starts)
-            for i in range(w.n):
+            for i in range(w.differential):
                 if s.is_set[i] == 0:
                     s.state[i] = s.starts[i]
+            put_assembled(s)
         if s.has_events != 0:
             place_ticks(s)
         s.constants_known = 1
@@ -58,8 +61,12 @@ def find_rates(s: FmuInstance) -> int:
     settle(s)
     w = s.solver
     if s.rates_known == 0 and w.n > 0:
-        w.derivative(inside(s), s.state, w.inputs, w.constants, w.mode, s.rates)
-        for i in range(w.n):
+        failed = complete(s)
+        if failed != OK:
+            return failed
+        if w.closed.multipliers == 0:
+            w.derivative(inside(s), s.full, w.inputs, w.constants, w.mode, s.rates)
+        for i in range(w.differential):
             if not isfinite(s.rates[i]):
                 return refused(s, NOT_FINITE)
     s.rates_known = 1
@@ -71,7 +78,10 @@ def find_outputs(s: FmuInstance) -> int:
     settle(s)
     w = s.solver
     if s.outputs_known == 0 and s.output_count > 0:
-        s.find_output(inside(s), s.state, w.inputs, w.constants, w.mode, s.outputs)
+        failed = complete(s)
+        if failed != OK:
+            return failed
+        s.find_output(inside(s), s.full, w.inputs, w.constants, w.mode, s.outputs)
         for i in range(s.output_count):
             if not isfinite(s.outputs[i]):
                 return refused(s, NOT_FINITE)
@@ -79,18 +89,24 @@ def find_outputs(s: FmuInstance) -> int:
     return OK
 
 
-def find_all_slopes(s: FmuInstance) -> None:
+def find_all_slopes(s: FmuInstance) -> int:
     """Compute the slopes of rates and outputs by states and inputs."""
     settle(s)
     w = s.solver
     if s.slopes_known == 0 and s.slope_count > 0:
-        s.find_slopes(inside(s), s.state, w.inputs, w.constants, w.mode, s.slopes)
+        failed = complete(s)
+        if failed != OK:
+            return failed
+        s.find_slopes(inside(s), s.full, w.inputs, w.constants, w.mode, s.slopes)
+        if not factorise_slopes(s):
+            return refused(s, NOT_FINITE)
         s.slopes_known = 1
+    return OK
 
 
 def get_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
     """Put the values of some references into an array."""
-    n = s.solver.n
+    n = s.solver.differential
     if count < 0:
         return refused(s, NO_VALUE)
     for k in range(count):
@@ -146,7 +162,7 @@ def get_clocks(s: FmuInstance, references: ShortInts, count: int, values: Bytes)
 
 def mode_place(s: FmuInstance, reference: int) -> int:
     """Return the place of a discrete variable in the mode."""
-    return reference - 1 - 2 * s.solver.n - s.input_count - s.parameter_count - s.output_count
+    return reference - 1 - 2 * s.solver.differential - s.input_count - s.parameter_count - s.output_count
 
 
 def is_mode(s: FmuInstance, place: int) -> bool:
@@ -156,7 +172,7 @@ def is_mode(s: FmuInstance, place: int) -> bool:
 
 def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats) -> int:
     """Set states, inputs, parameters, and before the run begins discrete variables."""
-    n = s.solver.n
+    n = s.solver.differential
     if count < 0:
         return refused(s, NO_VALUE)
     for k in range(count):
@@ -175,6 +191,15 @@ def set_values(s: FmuInstance, references: ShortInts, count: int, values: Floats
                 s.broken = 1
                 forget(s)
         elif 2 * n + s.input_count <= place < 2 * n + s.input_count + s.parameter_count:
+            for i in range(s.part_count):
+                if s.parts[i] == place - 2 * n - s.input_count:
+                    return refused(s, NO_VALUE)
+            if s.phase > INITIALIZING and s.unheld == 0 and s.solver.closed.constraints > 0:
+                settle(s)
+                failed = complete(s)
+                if failed != OK:
+                    return failed
+                s.unheld = 1
             s.parameters[place - 2 * n - s.input_count] = values[k]
             s.constants_known = 0
             s.broken = 1
@@ -196,16 +221,22 @@ def get_slopes(s: FmuInstance, unknowns: ShortInts, unknown_count: int, knowns: 
         if column < 0:
             return refused(s, NO_SLOPE)
         s.seed[column] += seed[k]
+    spread(s)
     for k in range(unknown_count):
         row = row_of(s, unknowns[k] - 1)
         if row < 0:
             return refused(s, NO_SLOPE)
-        total = 0.0
-        for i in range(s.slope_count):
-            if s.slope_rows[i] == row:
-                total += s.slopes[i] * s.seed[s.slope_columns[i]]
-        result[k] = total
+        result[k] = slope_along(s, row)
     return OK
+
+
+def slope_along(s: FmuInstance, row: int) -> float:
+    """Return the derivative of a rate or an output along the direction in `seed`."""
+    total = 0.0
+    for i in range(s.slope_count):
+        if s.slope_rows[i] == row:
+            total += s.slopes[i] * s.seed[s.slope_columns[i]]
+    return total
 
 
 def get_adjoint_slopes(
@@ -214,6 +245,8 @@ def get_adjoint_slopes(
     """Compute the derivatives of a sum of rates and outputs, each with a factor."""
     if begin_slopes(s, min(unknown_count, known_count)) != OK:
         return ERROR
+    if s.solver.closed.constraints > 0 or s.behind.n > 0:
+        return get_adjoints_one_by_one(s, unknowns, unknown_count, knowns, known_count, seed, result)
     for k in range(unknown_count):
         row = row_of(s, unknowns[k] - 1)
         if row < 0:
@@ -229,32 +262,56 @@ def get_adjoint_slopes(
     return OK
 
 
+def get_adjoints_one_by_one(
+    s: FmuInstance, unknowns: ShortInts, unknown_count: int, knowns: ShortInts, known_count: int, seed: Floats, result: Floats
+) -> int:  # fmt: skip
+    """Compute the same, along each known: what leads through constraints and unknowns has no slopes of its own."""
+    for k in range(known_count):
+        column = column_of(s, knowns[k] - 1)
+        if column < 0:
+            return refused(s, NO_SLOPE)
+        clear_seed(s)
+        s.seed[column] = 1.0
+        spread(s)
+        result[k] = 0.0
+        for i in range(unknown_count):
+            row = row_of(s, unknowns[i] - 1)
+            if row < 0:
+                return refused(s, NO_SLOPE)
+            result[k] += seed[i] * slope_along(s, row)
+    return OK
+
+
 def begin_slopes(s: FmuInstance, count: int) -> int:
     """Compute the slopes, and begin with a direction of zeros."""
     if count < 0:
         return refused(s, NO_VALUE)
-    find_all_slopes(s)
+    clear_seed(s)
+    return find_all_slopes(s)
+
+
+def clear_seed(s: FmuInstance) -> None:
+    """Begin with a direction of zeros."""
     for i in range(s.solver.n + s.input_count):
         s.seed[i] = 0.0
-    return OK
 
 
 def column_of(s: FmuInstance, place: int) -> int:
     """Return the column of the slopes of a state or an input; -1 for what has none."""
-    n = s.solver.n
+    n = s.solver.differential
     if 0 <= place < n:
         return place
-    return place - n if 2 * n <= place < 2 * n + s.input_count else -1
+    return place - 2 * n + s.solver.n if 2 * n <= place < 2 * n + s.input_count else -1
 
 
 def row_of(s: FmuInstance, place: int) -> int:
     """Return the row of the slopes of a rate or an output; -1 for what has none."""
-    n = s.solver.n
+    n = s.solver.differential
     before = 2 * n + s.input_count + s.parameter_count
     if n <= place < 2 * n:
         return place - n
     if before <= place < before + s.output_count:
-        return place - before + n
+        return place - before + s.solver.n
     return -1
 
 
@@ -264,8 +321,11 @@ def check_limits(s: FmuInstance) -> int:
     w = s.solver
     if w.limit_count == 0:
         return OK
-    w.holds(inside(s), s.state, w.inputs, w.constants, w.mode, w.truth)
-    return judge_limits(s, inside(s), s.state)
+    failed = complete(s)
+    if failed != OK:
+        return failed
+    w.holds(inside(s), s.full, w.inputs, w.constants, w.mode, w.truth)
+    return judge_limits(s, inside(s), s.full)
 
 
 def judge_limits(s: FmuInstance, time: float, state: Floats) -> int:

@@ -121,7 +121,7 @@ def residual(s: LoopSystem, z: Floats, value: Floats) -> bool:
 
 def newton_step(s: LoopSystem) -> bool:
     """Compute a step from where the residuals were computed last; return False if there is none."""
-    if not measure(s):
+    if not measure_unknowns(s):
         return False
     put_matrix(s, s.unit)
     for i in range(s.n):
@@ -148,7 +148,7 @@ def put_matrix(s: LoopSystem, unit: Floats) -> None:
         s.scale[s.rows[k]] = max(s.scale[s.rows[k]], abs(entry))
 
 
-def measure(s: LoopSystem) -> bool:
+def measure_unknowns(s: LoopSystem) -> bool:
     """Compute the derivatives, and the magnitudes of the unknowns; where one is not known, the size of the terms that decide it, by which its rounding is
     measured. Return False if nothing decides it.
     """
@@ -192,7 +192,7 @@ def measure(s: LoopSystem) -> bool:
 
 def measured_loops(s: LoopSystem) -> int:
     """Compute the magnitudes of the unknowns near a guess; return 1, or 0 if nothing decides them."""
-    return 1 if residual(s, s.z, s.value) and measure(s) else 0
+    return 1 if residual(s, s.z, s.value) and measure_unknowns(s) else 0
 
 
 def holds(s: LoopSystem) -> int:

@@ -238,11 +238,15 @@ class LoopSolver:
         }  # fmt: skip
         found = self._systems.get(key)
         if found is None:
-            room = partial(_room, self.program, which, self._chosen, self._place)
+            room = partial(self.room, which)
             found = self._systems[key] = record_for(LoopSystem, self.program, key, room, given, native)
         else:
             found.put(given)
         return found
+
+    def room(self, which: IntArray) -> dict[str, Any]:
+        """Return the fields of the equations of some unknowns that depend on the program alone."""
+        return _room(self.program, which, self._chosen, self._place)
 
     def residual(self, time: Array | float, state: Array, mode: Array, unknowns: Array) -> Any:
         """Return the residuals of the loop equations; `unknowns` may have a leading axis."""
