@@ -5,18 +5,22 @@ from __future__ import annotations
 import gc
 import shlex
 import sys
+from pathlib import Path
 
 import click
 
 from .error_reporting import harmless
+from .manual import free_folder
 from .options import check_target
 
-EDITORS = ("vscode", "neovim", "helix", "emacs", "zed", "textmate", "pygments")
+EDITORS = ("vscode", "neovim", "helix", "emacs", "zed", "tree-sitter", "textmate", "pygments")
 
 
 @click.command("editor")
 @click.argument("editor", type=click.Choice(EDITORS))
-@click.option("-o", "--out", metavar="FILE", help="The file to write; of vscode it ends in .vsix.")
+@click.option(
+    "-o", "--out", metavar="FILE", help="The file to write; of vscode it ends in .vsix, of tree-sitter it is a folder."
+)
 @click.option(
     "--command", "words", metavar="COMMAND", help="Start the server so, instead of by the Python that runs this."
 )
@@ -34,6 +38,19 @@ def editor_(editor: str, out: str | None, words: str | None) -> None:
         with replacing(out) as stream:
             write_extension(stream, server)
         click.echo(f"wrote {harmless(out)}; next: code --install-extension {harmless(out)}")
+        return
+    if editor == "tree-sitter":
+        from ..editors.tree_sitter_grammar import tree_sitter_files
+
+        if out is None:
+            raise click.UsageError("tree-sitter takes a folder: bondgraph editor tree-sitter -o FOLDER")
+        folder = free_folder(Path(out).absolute(), "grammar.js")
+        for name, text in tree_sitter_files().items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            write_text(folder / name, text)
+        click.echo(
+            f"wrote {harmless(out)}; next, in it: tree-sitter generate; then what `bondgraph editor neovim`, helix, emacs or zed says"
+        )
         return
     from ..editors.configurations import CONFIGURATIONS
 

@@ -17,6 +17,8 @@ vim.lsp.enable("bondgraph")
 vim.api.nvim_create_autocmd("FileType", { pattern = "bondgraph", callback = function()
   vim.bo.commentstring, vim.bo.shiftwidth, vim.bo.expandtab = "# %s", 2, true
 end })
+-- Colours and folds of a tree, too: `bondgraph editor tree-sitter -o FOLDER`; there `tree-sitter generate` and `tree-sitter build -o parser/bondgraph.so`;
+-- then vim.opt.runtimepath:append("FOLDER") here, and vim.treesitter.start() in the callback above.
 -- `Run`, `Modes` and `Bode` above experiments: vim.lsp.codelens.refresh() shows them, vim.lsp.codelens.run() runs one.
 vim.lsp.commands["bondgraph.terminal"] = function(lens)
   vim.cmd.write()
@@ -39,15 +41,31 @@ file-types = ["bg"]
 comment-token = "#"
 indent = { tab-width = 2, unit = "  " }
 language-servers = ["bondgraph"]
+
+# Colours need a grammar: `bondgraph editor tree-sitter -o FOLDER`, there `tree-sitter generate`; then these lines, `hx --grammar build`, and
+# a copy of FOLDER/queries/bondgraph in runtime/queries of the configuration folder.
+# [[grammar]]
+# name = "bondgraph"
+# source = { path = "FOLDER" }
 """
 _EMACS = """\
-;; Emacs 29 and later, with its own eglot: in init.el.
+;; Emacs 29 and later, with its own eglot: in init.el. It takes the colours from a tree if it has a parser: `bondgraph editor tree-sitter -o FOLDER`;
+;; there `tree-sitter generate` and `tree-sitter build -o libtree-sitter-bondgraph.so`; then (add-to-list 'treesit-extra-load-path "FOLDER") before this.
 (define-derived-mode bondgraph-mode prog-mode "bondgraph"
   (modify-syntax-entry ?# "<") (modify-syntax-entry ?\\n ">") (modify-syntax-entry ?_ "w")
   (setq-local comment-start "# " comment-end "" tab-width 2)
   (setq-local font-lock-defaults
     (list (list (cons (regexp-opt '(KEYWORDS) 'words) 'font-lock-keyword-face)
-                (cons (regexp-opt '(KINDS) 'words) 'font-lock-type-face)))))
+                (cons (regexp-opt '(KINDS) 'words) 'font-lock-type-face))))
+  (when (and (require 'treesit nil t) (treesit-ready-p 'bondgraph t))
+    (treesit-parser-create 'bondgraph)
+    (setq-local treesit-font-lock-feature-list '((all)) treesit-font-lock-settings
+      (treesit-font-lock-rules :language 'bondgraph :feature 'all
+        '((comment) @font-lock-comment-face (string) @font-lock-string-face [(number) (junction)] @font-lock-constant-face
+          (unit) @font-lock-type-face [KEYWORDS] @font-lock-keyword-face (declaration kind: (name) @font-lock-type-face)
+          (model name: (name) @font-lock-type-face) (declared :anchor (name) @font-lock-variable-name-face)
+          (item name: (name) @font-lock-variable-name-face) (call function: (name) @font-lock-function-name-face))))
+    (treesit-major-mode-setup)))
 (add-to-list 'auto-mode-alist '("\\\\.bg\\\\'" . bondgraph-mode))
 (with-eval-after-load 'eglot (add-to-list 'eglot-server-programs '(bondgraph-mode . (COMMAND))))
 (add-hook 'bondgraph-mode-hook #'eglot-ensure)
@@ -63,6 +81,11 @@ authors = []
 [language_servers.bondgraph]
 name = "bondgraph"
 languages = ["bondgraph"]
+# Colours: `bondgraph editor tree-sitter -o FOLDER`, there `tree-sitter generate`, `git init` and a commit of all; the next three lines with its hash;
+# FOLDER/queries/bondgraph/highlights.scm beside config.toml, and in that `grammar = "bondgraph"`.
+# [grammars.bondgraph]
+# repository = "file:///FOLDER"
+# rev = "HASH"
 # ---- languages/bondgraph/config.toml
 name = "bondgraph"
 path_suffixes = ["bg"]

@@ -64,7 +64,7 @@ def test_the_extension_is_complete(tmp_path: Path) -> None:
 
 
 def test_each_editor_has_a_text() -> None:
-    assert set(EDITORS) == {"vscode", *CONFIGURATIONS}
+    assert set(EDITORS) == {"vscode", "tree-sitter", *CONFIGURATIONS}
     for name in ("neovim", "helix", "emacs", "zed"):
         assert '"/a b/python"' in editor(name, "--command", "'/a b/python' lsp")
         assert json.dumps(sys.executable) in editor(name)
@@ -76,7 +76,15 @@ def test_each_editor_has_a_text() -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [["vscode"], ["vscode", "-o", "b.zip"], ["vim"], ["neovim", "--command", ""], ["helix", "--command", "'a"]]
+    "words",
+    [
+        ["vscode"],
+        ["tree-sitter"],
+        ["vscode", "-o", "b.zip"],
+        ["vim"],
+        ["neovim", "--command", ""],
+        ["helix", "--command", "'a"],
+    ],
 )
 def test_wrong_uses_are_refused(words: list[str]) -> None:
     assert "Traceback" not in editor(*words, code=2)

@@ -23,7 +23,7 @@ from .request import RequestRefused
 from .session import Session
 
 OURS, PURE = ("bondgraph", "compiler"), ("lark", "networkx")
-LEFT_OUT = frozenset({"__pycache__", "tests", "manual", "vscode"})  # folders that no run needs
+LEFT_OUT = frozenset({"__pycache__", "tests", "manual", "vscode", "tree_sitter"})  # folders that no run needs
 CORE = ("pyodide.mjs", "pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")
 COMPILED = ("numpy", "scipy")
 

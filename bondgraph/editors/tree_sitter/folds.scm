@@ -1,0 +1,1 @@
+[(block) (parameters) (experiment) (attributes) (resets) (transitions)] @fold
