@@ -266,7 +266,7 @@ class _Opened:
     ) -> _Opened:
         experiment, told = choose_experiment(definition, scene.experiment)
         overrides = [*experiment_overrides(experiment), *scene.overrides]  # the command line comes last and wins
-        names = _names_read_in(definition)
+        names = _names_read_in(definition) if overrides else set[str]()
         overrides = [replace(o, value=in_one_literal(o.value, names)) for o in overrides]
         elaborator = Elaborator(overrides, part, known)
         elaborator.diagnostics += [*earlier, *told]

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import fields, replace
+from functools import cache
+from typing import Any
 
 from .tree import ConditionalSyntax, LoopSyntax, SyntaxNode
 
 Statements = tuple[SyntaxNode, ...]
+WITHOUT_NODES = frozenset({"Span", "str", "int", "bool", "Fraction", "Index", "tuple[str, ...]"})  # types of fields
 
 
 def inner_blocks(statement: SyntaxNode) -> tuple[Statements, ...]:
@@ -39,13 +42,19 @@ def flat(statements: Statements) -> Iterator[SyntaxNode]:
             yield from flat(block)
 
 
-def nodes_in(start: object) -> Iterator[SyntaxNode]:
-    """Yield a node, or all nodes of a tuple, and the nodes in them, the last ones first. Indices of paths are not entered."""
+@cache
+def _fields_with_nodes(kind: Any) -> tuple[str, ...]:
+    return tuple(f.name for f in fields(kind) if str(f.type).removesuffix(" | None") not in WITHOUT_NODES)
+
+
+def nodes_in(start: object, beside: type[SyntaxNode] | tuple[()] = ()) -> Iterator[SyntaxNode]:
+    """Yield a node, or all nodes of a tuple, and the nodes in them, the last ones first. Indices of paths are not entered, nor nodes of a kind `beside`."""
     stack = [start]
     while stack:
         item = stack.pop()
         if isinstance(item, tuple):
             stack += item
-        elif isinstance(item, SyntaxNode):
+        elif isinstance(item, SyntaxNode) and not isinstance(item, beside):
             yield item
-            stack += [getattr(item, name) for name in item.__dataclass_fields__ if name != "span"]
+            kind: type = type(item)
+            stack += [getattr(item, name) for name in _fields_with_nodes(kind)]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -13,7 +15,9 @@ import pytest
 from compiler.examination import check
 from compiler.source import Source
 from compiler.syntax import parse
+from compiler.syntax.blocks import nodes_in
 from compiler.syntax.format import format_text
+from compiler.syntax.tree import SyntaxNode
 from tests.benchmarks.large_files import KINDS
 
 SIZES = (5_000, 20_000)
@@ -45,11 +49,28 @@ def test_calls_grow_with_the_length(action: Callable[[Source], object], kind: st
     assert math.log(many / few) / math.log(len(texts[1]) / len(texts[0])) <= 1.05
 
 
-def test_calls_for_one_character_are_few() -> None:
-    """A rule of the grammar for each precedence, or a second tree, would be seen here."""
+@pytest.mark.parametrize(("action", "most"), [(parse, 12), (check, 40)], ids=["parse", "check"])
+def test_calls_for_one_character_are_few(action: Callable[[Source], object], most: int) -> None:
+    """A rule of the grammar for each precedence, a second tree, or a walk through it whose result nobody reads would be seen here."""
     text = KINDS["ladder"](20_000)
-    parse(Source("warm", text))
-    assert calls(parse, text) < 12 * len(text)
+    action(Source("warm", text))
+    assert calls(action, text) < most * len(text)
+
+
+def test_a_walk_meets_all_nodes() -> None:
+    """It looks only into fields whose type may hold nodes."""
+    text = (Path(__file__).parents[2] / "models" / "four_bar.bg").read_text(encoding="utf-8")
+    syntax = parse(Source("four_bar", text))
+    stack: list[object] = [syntax.statements]
+    every = 0
+    while stack:
+        item = stack.pop()
+        if isinstance(item, tuple):
+            stack += item
+        elif isinstance(item, SyntaxNode):
+            every += 1
+            stack += [getattr(item, f.name) for f in fields(item)]  # type: ignore[arg-type]
+    assert every == len([*nodes_in(syntax.statements)]) > 200
 
 
 @pytest.mark.parametrize("kind", KINDS)

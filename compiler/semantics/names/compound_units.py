@@ -60,7 +60,7 @@ def in_one_literal(value: Value, names: Set[str]) -> Value:
 def names_in(statements: object, kinds: Any = QUANTITIES) -> set[str]:
     """Return the names of functions and of what is of these kinds that statements declare, at any depth."""
     names: set[str] = set()
-    for node in nodes_in(statements):
+    for node in nodes_in(statements, tree.ExpressionSyntax):  # none declares a name
         if isinstance(node, kinds):
             names.add(node.name)
             names.update(name for name, _ in getattr(node, "choices", ()))

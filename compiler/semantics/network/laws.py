@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
+from functools import lru_cache
 
 from ...algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, substitute, symbols
 from ...algebra.odd_roots import with_odd_roots, with_sides
@@ -24,6 +25,7 @@ from .transducers import check_many_ports
 
 # Function from a slot's path and a scope to a scalar with its role.
 RoleOf = Callable[[Slot, Scope], Scalar]
+Lists = Mapping[str, tuple[OwnVariable, ...]]
 
 
 def own_variables(kind: str, ports: Mapping[str, Domain], variables: str) -> dict[str, OwnVariable]:
@@ -83,6 +85,20 @@ def _item(listed: Sequence[OwnVariable], path: tree.PathSyntax) -> OwnVariable:
         hint = "The index is written as a number, from 1: a law is the same in each round of a `for`."
         raise Wrong(WrongType(path.span, f"An item of a list of {len(listed)}", f"`{path.words}`", hint))
     return listed[int(numbers[0]) - 1]
+
+
+@lru_cache(maxsize=1024)  # most elements of a large model are of few kinds and domains
+def _words_of(
+    kind: str, ports: tuple[tuple[str, Domain], ...]
+) -> tuple[Mapping[str, OwnVariable], Lists, Set[str], Lists]:
+    """Return the words for variables in the law of an element: its own, those of its multibonds, those of other kinds, and those of all ports."""
+    row, by_name = ELEMENTS[kind], dict(ports)
+    variables = row.variables + row.remembered
+    others = "".join(v for v in "efqp" if v not in variables)
+    return (
+        own_variables(row.letters, by_name, variables), _of_multibonds(by_name, variables, row.stored),
+        own_variables(row.letters, by_name, others).keys(), _of_all_ports(row, by_name, variables),
+    )  # fmt: skip
 
 
 def compile_law(
@@ -150,12 +166,8 @@ class _LawReader:
 
     def compiler(self, resolve: Resolve) -> ExpressionCompiler:
         """Compiler of the law's expressions, after a check of the names in them."""
-        variables = self.row.variables + self.row.remembered
-        own = own_variables(self.kind, self.ports, variables)
-        multibonds = _of_multibonds(self.ports, variables, self.row.stored)
-        forbidden = own_variables(self.kind, self.ports, "".join(v for v in "efqp" if v not in variables))
-        paths = list(paths_of(self.definition))
-        listed = _of_all_ports(self.row, self.ports, variables)
+        of_ports, multibonds, forbidden, listed = _words_of(self.declaration.kind, tuple(self.ports.items()))
+        own, paths = dict(of_ports), list(paths_of(self.definition))
         # no outputs, which a law does not read
         numbers = ("parameter", "constant", "input", "signal", "solve", "mode", "index")
         if all(getattr(self.scope.find(path.head), "role", "") in numbers for path in paths if path.words in listed):
