@@ -66,8 +66,8 @@ class BatchIntegrator:
             self._put_start(stretch, x)
             x = self._segment(stretch, x)
             before = stretch
-        for row, position in enumerate(self.position):
-            self.states[row, position:] = x[row]
+        for row in np.flatnonzero(self.position < len(self.scene.instants)):
+            self.states[row, self.position[row] :] = x[row]
         evaluations = dict(zip(EVALUATIONS, self.evaluations.T, strict=True))
         solvers = [" and ".join(f"{METHODS[m].name}, native" for m in methods) for methods in self.methods]
         return BatchTrajectories(self.states, self.sound, self.steps, evaluations, solvers, self.choice)

@@ -103,8 +103,7 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
     if trajectories is None or course.crowded:
         return
     values = _outputs(scene, runs, course, trajectories)
-    largest = largest_outputs(values)
-    sound = trajectories.sound & np.isfinite(largest).all(axis=1)
+    sound = trajectories.sound & np.isfinite(values.reshape(len(values), -1).sum(axis=1))
     final, last = trajectories.states[:, -1], course.segments[-1]
     stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode)
     sizes = np.empty((len(runs), 0)) if magnitude is None else magnitude
@@ -113,7 +112,7 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
     for row in np.flatnonzero(sound).tolist():
         at = None if places is None else (places[0], places[1][row], places[2])
         ended = runs.parameters[row], stored[row], trajectories.choice.peak[row], sizes[row]
-        both = partial(_warnings, scene, runs.constants[row], at, largest[row]), partial(_checkpoint, scene, *ended)
+        both = partial(_warnings, scene, runs.constants[row], at, values[row]), partial(_checkpoint, scene, *ended)
         yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], both, time)
 
 
@@ -138,13 +137,14 @@ def _outputs_of(scene: BatchScene, runs: Runs, times: Array, states: Array, mode
         yield scene.program.output(times, x, scene.inputs, constants, mode)
 
 
-def _warnings(scene: BatchScene, constants: Array, places: Places | None, largest: Array) -> tuple[LimitLeft, ...]:
+def _warnings(scene: BatchScene, constants: Array, places: Places | None, values: Array) -> tuple[LimitLeft, ...]:
     """Return the warnings of a run on outputs whose terms cancel."""
 
     def output(times: Array, states: Array, mode: Array) -> Any:
         return scene.program.output(times, states, scene.inputs, constants, mode)
 
     accuracy, begin = EXACT if scene.linear else max(scene.options.rtol, EXACT), scene.options.plan.start
+    largest = largest_outputs(values)
     terms = terms_of_outputs(output, places) + np.zeros(len(largest))
     return doubts_on_outputs(scene.program.outputs.names, largest, terms, accuracy, begin)
 
