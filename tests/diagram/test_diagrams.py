@@ -328,3 +328,42 @@ def test_files(tmp_path: Path, ending: str) -> None:
         assert 0.005 < (pixels[..., :3].min(axis=-1) < 0.5).mean() < 0.2
     else:
         assert data.startswith(b"%PDF")
+
+
+SWITCHED = """
+model A {
+  mode on = false
+  when time > 1 s { on = true }
+  Se b : u = 10 V
+  R r : u = 5 ohm*i
+  C first : u = q/1 [mF]
+  C second : u = q/2 [mF] { start u = 1 V }
+  R load : u = 6 ohm*i
+  0 node, k : electric
+  1 switch : electric { active = on }
+  1 between : electric { active = on }
+  0 short : electric { active = on }
+  b -> switch -> r
+  switch -> node -> first
+  node -> between -> k -> second
+  k -> 1(load) -> short
+  output u = first.u
+}
+"""
+
+
+def test_junctions_that_are_off_are_drawn_with_all_their_bonds() -> None:
+    """One of kind 1 gives the flow, one of kind 0 the effort, also where pruning removes its sources of zero; none of these is drawn."""
+    model = diagram_model_of(bondgraph.load(SWITCHED).compilation())
+    names = [n.name for n in model.nodes]
+    off = {n.name: n for n in model.nodes if n.label.endswith(" (off)")}
+    assert {n: (node.letter, node.shape) for n, node in off.items()} == {
+        "switch": ("1", "junction"), "between": ("1", "junction"), "short": ("0", "junction"),
+    }  # fmt: skip
+    assert "Sf" not in {n.letter for n in model.nodes} and not model.left_out
+    ends = {(names[line.tail], names[line.head]): ("tail", "head")[line.stroke] for line in model.lines}
+    wanted = {
+        ("b", "switch"): "head", ("switch", "r"): "tail", ("switch", "node"): "tail", ("node", "between"): "head",
+        ("between", "k"): "tail", ("1(load)", "short"): "tail",
+    }  # fmt: skip
+    assert {pair: stroke for pair, stroke in ends.items() if {*pair} & {*off}} == wanted

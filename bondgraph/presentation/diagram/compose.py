@@ -123,6 +123,8 @@ def _numbers(model: DiagramModel, layout: DiagramLayout, groups: Sequence[Group]
     """Yield the number of each bond beside its longest part, on the side of the flow if there is room, else elsewhere."""
     taken = joined(NOTHING, *(_taken(shape) for group in groups for shape in group.shapes))
     for number, line in enumerate(model.lines):
+        if not line.bonds:
+            continue
         first, last = line.bonds[0] + 1, line.bonds[-1] + 1
         text = str(first) if first == last else f"{first}-{last}"
         spots = list(_spots(text, layout.bonds[number]))

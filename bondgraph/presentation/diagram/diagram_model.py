@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from compiler.api import BondGraph, CausalGraph, Compilation, Element, GraphNode, Junction, Kind, MechanismNode, letters
 
 from ..text.causality import explain
+from .off_junctions import OffJunctions, off_junctions
 from .signals import Signal, signals_of
 
 TAIL, HEAD = 0, 1
@@ -38,7 +39,7 @@ class DiagramNode:
 class DiagramLine:
     """A bond or a multibond from `tail` to `head`; the stroke is at the end that receives the effort."""
 
-    bonds: tuple[int, ...]  # indices in the graph
+    bonds: tuple[int, ...]  # indices in the graph; none for a bond of a junction that is off, where nothing is computed
     tail: int
     head: int
     ports: tuple[str, str]  # at tail and head, as far as they have names
@@ -72,16 +73,19 @@ def diagram_model_of(compilation: Compilation, closed: bool = False) -> DiagramM
     found = explain(compilation)
     looping = frozenset(name for loop in found.loops for name in loop.members)
     instances = _instances(compilation.whole_graph)
-    homes = _boxes(graph, instances if closed else {})
+    switched = off_junctions(compilation)
+    bundles = {end: f"off {number}" for number, ends in switched.items() for end in ends if end is not None}
+    homes = _boxes(graph, instances if closed else {}, bundles)
     groups = _twins(causal, homes)
     of = {member: number for number, group in enumerate(groups) for member in group}
     derivative = frozenset(end.node for end in causal.derivative)
-    nodes = tuple(_node(graph, group, instances, derivative, looping, closed) for group in groups)
-    lines = tuple(_lines(causal, of, nodes))
+    nodes = [_node(graph, group, instances, derivative, looping, closed) for group in groups]
+    places = _switch_off(compilation.whole_graph, switched, of, nodes, instances)
+    lines = (*_lines(causal, of, nodes), *_idle_lines(compilation, switched, of, nodes, places))
     signals = tuple(s for s in signals_of(graph, of) if s.source is not None or nodes[s.target].shape != "box")
-    kept = {node.name for node in graph.nodes}
+    kept = {node.name for node in (*graph.nodes, *nodes)}
     left_out = tuple(n.name for n in compilation.whole_graph.nodes if n.name not in kept)
-    return DiagramModel(graph.name, nodes, lines, signals, left_out, instances)
+    return DiagramModel(graph.name, tuple(nodes), lines, signals, left_out, instances)
 
 
 # ---------------------------------------------------------------- nodes
@@ -102,13 +106,13 @@ def _plain(name: str) -> str:
     return name.partition("(")[0]
 
 
-def _boxes(graph: BondGraph, instances: Mapping[str, str]) -> tuple[tuple[int, ...], ...]:
-    """Return the nodes of each instance together, and those of each multibond; all others alone."""
+def _boxes(graph: BondGraph, instances: Mapping[str, str], bundles: Mapping[int, str]) -> tuple[tuple[int, ...], ...]:
+    """Return the nodes of each instance together, and those of each multibond and of each of `bundles`; all others alone."""
     boxes: dict[str, list[int]] = {}
     for number, node in enumerate(graph.nodes):
         first = _plain(node.name).partition(".")[0]
         inside = first in instances and first != _plain(node.name)
-        bundle = "" if isinstance(node, MechanismNode) else node.bundle
+        bundle = bundles.get(number) or ("" if isinstance(node, MechanismNode) else node.bundle)
         boxes.setdefault(first if inside else f"\0{bundle or number}", []).append(number)
     return tuple(map(tuple, boxes.values()))
 
@@ -162,6 +166,32 @@ def _node(
     place = first.span.file_and_line
     marks = (any(m in derivative for m in group), any(graph.nodes[m].name in looping for m in group))
     return DiagramNode(name, letter, label, shape, group, place, inside, *marks)
+
+
+def _switch_off(
+    whole: BondGraph,
+    switched: OffJunctions,
+    of: Mapping[int, int],
+    nodes: list[DiagramNode],
+    instances: Mapping[str, str],
+) -> dict[int, int]:
+    """Draw junctions that are off as junctions, in the place of their sources; return their nodes of the diagram, by their numbers in the whole graph."""
+    places: dict[int, int] = {}
+    for number, ends in switched.items():
+        junction = whole.nodes[number]
+        sources = tuple(end for end in ends if end is not None)
+        at = of[sources[0]] if sources else len(nodes)
+        inside = _plain(junction.name).partition(".")[0]
+        node = DiagramNode(
+            junction.name, str(junction.kind.value), f"{junction.name} (off)", "junction", sources, junction.span.file_and_line,
+            inside if inside in instances and "." in junction.name else "",
+        )  # fmt: skip
+        if at == len(nodes):
+            nodes.append(node)
+        elif nodes[at].shape != "box":
+            nodes[at] = node
+        places[number] = at
+    return places
 
 
 def _letter(node: GraphNode) -> str:
@@ -219,6 +249,30 @@ def _lines(causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[DiagramNo
         yield DiagramLine(
             tuple(bonds), tail, head, (ports[0], ports[1]), 1 - effort_from, ", ".join(domains), place, derivative, loop
         )
+
+
+def _idle_lines(
+    compilation: Compilation,
+    switched: OffJunctions,
+    of: Mapping[int, int],
+    nodes: Sequence[DiagramNode],
+    places: Mapping[int, int],
+) -> Iterator[DiagramLine]:
+    """Yield the bonds of junctions that are off whose sources are left out, as they give nothing. Such a junction gives the flow, one of kind 0 the effort."""
+    whole, graph = compilation.whole_graph, compilation.causal.graph
+    numbers = {node.name: of[number] for number, node in enumerate(graph.nodes)}
+    for number, sources in switched.items():
+        for index, source in zip(whole.incident[number], sources, strict=True):
+            bond = whole.bonds[index]
+            other = bond.head.node if bond.tail.node == number else bond.tail.node
+            far = places.get(other, numbers.get(whole.nodes[other].name))
+            if source is not None or far is None or (other in switched and other < number):
+                continue
+            outwards = bond.tail.node == number
+            tail, head = (places[number], far)[:: 1 if outwards else -1]
+            ports = tuple(_port(whole, index, side, nodes[n], {}) for side, n in enumerate((tail, head)))
+            stroke = TAIL if outwards is (whole.nodes[number].kind is Kind.ONE) else HEAD
+            yield DiagramLine((), tail, head, (ports[0], ports[1]), stroke, bond.domain, bond.span.file_and_line)
 
 
 def _bundled(tail: DiagramNode, head: DiagramNode, graph: BondGraph, number: int) -> bool:
