@@ -21,6 +21,12 @@ def rise(t: Any, tau: float) -> Any:
     return 1 - np.exp(-t / tau)
 
 
+def ringing(t: Any, stiffness: float, decay: float) -> Any:
+    """Free motion from 1 at rest of x'' + 2 decay x' + stiffness x = 0."""
+    omega = math.sqrt(stiffness - decay**2)
+    return np.exp(-decay * t) * (np.cos(omega * t) + decay / omega * np.sin(omega * t))
+
+
 def fixed_point(step: Callable[[float], float], x: float) -> float:
     """Solution of x = step(x), found by repetition."""
     for _ in range(200):
@@ -313,6 +319,9 @@ DRIVETRAIN: dict[str, Formula] = {
     "Cantilever": lambda t: {"x": cantilever(t)},
     "BeamChain": lambda t: beam_chain(4),
     "Bushing": lambda t: {"x": 1e-3 * np.cos(np.sqrt(1e5) * t), "turn": np.pi / 180 * np.cos(100 * t)},
+    "PlanarBushing": lambda t: {
+        "x": 1e-3 * ringing(t, 1e5, 50), "y": 2e-3 * ringing(t, 5e4, 25), "turn": np.pi / 180 * ringing(t, 1e4, 5)
+    },
     "GroundPoint": lambda t: {"v": 3 - 0.2 * 9.81 * t, "N": 9.81 + 0 * t},
     "GroundBall": lambda t: {"v": 2 - 0.981 * t, "omega": 0.1 / 0.004 * 0.981 * t},
     "AirDrag": lambda t: {"F": 0.6 * 0.3 * 2.2 * 900 * np.sin(t) * np.abs(np.sin(t))},

@@ -61,7 +61,8 @@ ALLOWED = (
      "Flexure.k_phi Flexure.k_x Flexure.k_y Flexure.r_phi Flexure.r_x Flexure.r_y LeafFlexure.r_phi LeafFlexure.r_x LeafFlexure.r_y "
      "ReinforcedFlexure.r_phi ReinforcedFlexure.r_x ReinforcedFlexure.r_y StiffeningFlexure.shortening StiffeningFlexure.r_phi "
      "StiffeningFlexure.r_x StiffeningFlexure.r_y BuckConverter.R BoostConverter.R BuckBoostConverter.R Conductor.G Radiator.area "
-     "Radiator.emissivity Peltier.R Peltier.K HeatExchanger.UA Bushing.k[1] Bushing.k[2] Bushing.k[3] Bushing.c[1] Bushing.c[2] Bushing.c[3] BeamChain.tau"),
+     "Radiator.emissivity Peltier.R Peltier.K HeatExchanger.UA Bushing.k[1] Bushing.k[2] Bushing.k[3] Bushing.c[1] Bushing.c[2] Bushing.c[3] BeamChain.tau "
+     "PlanarBushing.k[1] PlanarBushing.k[2] PlanarBushing.c PlanarBushing.r[1] PlanarBushing.r[2] PlanarBushing.d"),
     ("0", "without a threshold, a share, an angle or an exponent",
      "WormGear.pressure_angle Cam.dwell Diode.grading Diode.forward Battery.U_empty Battery.soc_0 Tank.level_0 ReliefValve.P_set "
      "ReducingValve.P_set ReinforcedFlexure.p StiffeningFlexure.p GasOrifice.ratio PowerMosfet.U_d Igbt.U_0 Thyristor.U_0 Thyristor.I_hold "
