@@ -64,26 +64,26 @@ def ports_of(ports: Ports, also: Iterable[str] = ()) -> tuple[str, tuple[str, ..
     return (f"({listed})" if listed else ""), tuple(given)
 
 
-def _one_line(text: object, what: str) -> str:
-    """Return the text on one line, without hidden characters."""
+def _one_line(text: object, what: str, quoting: str = "") -> str:
+    """Return the text on one line, without hidden characters. Quotation marks end nothing in what is parsed whole."""
     if not isinstance(text, str):
         raise UsageError("BR505", f"{what} is a text of the language, not {text!r}")
     line = " ".join(text.split())
-    if "#" in line or '"' in line or not line.isprintable():
+    if "#" in line or '"' in line.replace(quoting, "") or not line.isprintable():
         raise UsageError("BR506", f"{what} has no comments, quotation marks or control characters: {text!r}")
     return line
 
 
 def expression_of(text: object, what: str) -> str:
     """Return one expression of the language."""
-    line = _one_line(text, what)
+    line = _one_line(text, what, '"')
     parse_expression(Source(what, line))
     return line
 
 
 def law_of(text: object, what: str) -> str:
     """Return one law of the language."""
-    line = _one_line(text, what)
+    line = _one_line(text, what, '"')
     parse_law(Source(what, line))
     return line
 

@@ -314,7 +314,8 @@ class _Opened:
             elaborator.diagnostics += unconnected(graph)
         choices = {p.name: tuple(word for word, _ in p.item.choices) for p in elaborator.pending if p.item.choices}
         truths = (p.name for p in elaborator.pending if isinstance(p.result, Scalar) and p.result.truth)
-        resolved = (p for p in elaborator.pending if p.role in ("parameter", "input") and isinstance(p.result, Scalar))
+        numbers = (p for p in elaborator.pending if isinstance(p.result, Scalar) and p.result.text is None)
+        resolved = (p for p in numbers if p.role in ("parameter", "input"))
         counted = frozenset(p.name for p in resolved if (unit := unit_of(p.item)) is not None and is_counted(unit))
         structural = behind(elaborator.structural, graph.quantities)
         built = Built(graph, plan, (), tuple(elaborator.positive), structural, choices, frozenset(truths), counted)

@@ -140,11 +140,12 @@ def _hint(problem: Unreadable, source: Source, otherwise: str = "") -> str:
     special = special or ("" if word is None else _missing(word, expected, before, source.text[start:]))
     if special:
         return special
+    hidden = {"UNIT_SYMBOL", "STRING"} if "NUMBER" in expected else {"UNIT_SYMBOL"}  # few numbers are meant as texts
     words = sorted(
         {
             "an operator" if e in _OPERATORS else _WORDS.get(e, f"`{e.lower()}`")
             for e in expected
-            if not e.startswith("$") and e != "UNIT_SYMBOL"
+            if not e.startswith("$") and e not in hidden
         }
     )
     if not words:

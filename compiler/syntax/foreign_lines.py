@@ -58,9 +58,8 @@ _ROWS = (
     (r"^\s*output\s+(?P<a>\w+)\s*=\s*(?P<b>.+?)\s+in\s+(?P<c>\S+)$", "The unit stands behind the name: `output {a}: {c} = {b}`."),
     (r"\((?P<a>[^()]*)\)\s*(?P<b>[a-z]{1,2})\b(?!\s*[=(])", "Each item of a list has its unit: `({a} {b})`."),
     (
-        r"^\s*(?:parameter|constant|signal|string|String)\s+(?P<a>\w+)\s*=\s*[\"'].*",
-        "A word is one of several, `parameter {a}: {{ one, other }} = one`; a file is named in a list, `parameter ys = column(\"curve.csv\", \"force\")`, "
-        "which may be set to a column of another file.",
+        r"^\s*(?:[Ss]tring|(?:parameter|constant)(?=[^\"]*'))\s+(?P<a>\w+)\s*=\s*[\"'](?P<b>[^\"']*).*",
+        "A parameter that is a text has it in quotation marks: `parameter {a} = \"{b}\"`.",
     ),
     (r"^\s*[01]\s+\w+\s*:\s*(?:three|3)\b.*", "Three phases are a bond of width three: `0 node : electric[3]`."),
     (r"^\s*(?:/\*|\*|--|%|;).*|//", "A comment begins with `#`."),

@@ -79,7 +79,7 @@ def _without_spaces(span: Span) -> str:
 
 @dataclass(frozen=True, slots=True)
 class TextSyntax(ExpressionSyntax):
-    """A text among the arguments of a call: the name of a file or of a column."""
+    """A text in an expression: the name of a file or of a column, or what such a parameter is compared with."""
 
     value: str
 

@@ -26,20 +26,17 @@ def test_the_word_stays_an_attribute() -> None:
     assert isinstance(declaration, tree.Declaration) and declaration.attributes[0].name == "require"
 
 
-def test_texts_stand_among_arguments_only() -> None:
+def test_texts_are_read_in_expressions_and_behind_them() -> None:
     (quantity,) = statements('constant a = column("curve.csv", "force, raw")')
     assert isinstance(quantity, tree.Quantities) and isinstance(quantity.items[0].value, tree.Call)
     assert [a.value for a in quantity.items[0].value.arguments if isinstance(a, tree.TextSyntax)] == [
         "curve.csv",
         "force, raw",
     ]
-    for wrong in (
-        'constant a = ("x", "y")',
-        'constant a = 1 + "x"',
-        'require "text"',
-        "require",
-        'require a > 0 "x" "y"',
-    ):
+    (quantity,) = statements('parameter a = "x" "what it is"')
+    assert isinstance(quantity, tree.Quantities) and isinstance(quantity.items[0].value, tree.TextSyntax)
+    assert quantity.items[0].description == "what it is"
+    for wrong in ("require", 'require a > 0 "x" "y"', 'parameter a = "x" "y" "z"', 'parameter a = 1 + "x'):
         with pytest.raises(CompilationFailed):
             statements(wrong)
 

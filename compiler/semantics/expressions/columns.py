@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from ...syntax import parse_expression, tree
 from ..names.column_file import Sheet, read_sheet, word_of
 from ..names.errors import WrongColumn
 from ..names.project_folder import is_there, within_project
-from ..names.scope import FileScope
+from ..names.scope import FileScope, TextValue
 from ..names.statement_errors import Wrong, suggestion
 from .scales import scale_of
 
@@ -39,22 +40,23 @@ class MeasuredColumn:
     cells: tuple[Span, ...]
 
 
-def read_column(node: tree.Call, file: FileScope) -> MeasuredColumn:
-    """The column that a call of `column` names. Raises `Wrong`."""
-    texts = [a.value for a in node.arguments if isinstance(a, tree.TextSyntax)]
-    if len(texts) != 2 or len(node.arguments) != 2:
+def read_column(node: tree.Call, texts: Sequence[TextValue | None]) -> MeasuredColumn:
+    """The column that a call of `column` names by two texts. Raises `Wrong`."""
+    first, second = texts if len(texts) == 2 else (None, None)
+    if first is None or second is None:
         hint = 'The texts name a file beside this one, and a column: `column("curve.csv", "force")`.'
         raise Wrong(WrongColumn(node.span, "`column` needs two texts", hint))
-    path = locate(node.arguments[0].span, texts[0], file)
+    file, name = first.file, second.value
+    path = locate(node.arguments[0].span, first.value, file)
     if path not in file.sheets:
-        file.sheets[path] = read_sheet(node.arguments[0].span, texts[0], path)
+        file.sheets[path] = read_sheet(node.arguments[0].span, first.value, path)
     sheet = file.sheets[path]
     names = [_HEADER.fullmatch(name).group(1) for name in sheet.names]  # type: ignore[union-attr]
-    if names.count(texts[1]) != 1:
-        hint = suggestion(texts[1], names, f"It has: {', '.join(f'`{n}`' for n in names)}.")
-        what = "There is no" if texts[1] not in names else "There is more than one"
-        raise Wrong(WrongColumn(node.arguments[1].span, f"{what} column `{texts[1]}` in {texts[0]}", hint))
-    return _column(node, sheet, names.index(texts[1]))
+    if names.count(name) != 1:
+        hint = suggestion(name, names, f"It has: {', '.join(f'`{n}`' for n in names)}.")
+        what = "There is no" if name not in names else "There is more than one"
+        raise Wrong(WrongColumn(node.arguments[1].span, f"{what} column `{name}` in {first.value}", hint))
+    return _column(node, sheet, names.index(name))
 
 
 def locate(span: Span, name: str, file: FileScope) -> Path:

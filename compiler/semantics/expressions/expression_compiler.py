@@ -29,7 +29,7 @@ from ..names.errors import (
     WrongArguments,
     WrongType,
 )
-from ..names.scope import Scope
+from ..names.scope import Scope, TextValue
 from ..names.statement_errors import Wrong, describe, reading_of, suggestion
 from . import tables
 from .functions import FUNCTIONS
@@ -56,6 +56,7 @@ from .template import (
     times,
 )
 from .vectors import VECTORS, compile_vector
+from .words import compare_words
 
 # signals of their own: with memory, and rates
 MEMORIES = {
@@ -96,7 +97,7 @@ class ExpressionCompiler:
         self.home: Scope | None = scope
         self.opened = 0
         self.checks: list[Check] = []
-        self.lists: dict[str, tuple[tree.PathSyntax, ListUnits]] = {}
+        self.lists: dict[str, tuple[tree.PathSyntax, ListUnits | TextValue]] = {}
         self.functions: dict[str, tree.FunctionSyntax | None] = {}  # of the model, as they are here
 
     def compile(self, expression: tree.ExpressionSyntax) -> Template:
@@ -169,8 +170,7 @@ class ExpressionCompiler:
             case tree.Call():
                 return self._call(node)
             case tree.TextSyntax():
-                hint = "Texts name files and columns, in `column`."
-                raise Wrong(WrongType(node.span, "A number", "a text", hint))
+                return Typed(ZERO, ONE, text=TextValue(node.value, self.scope.definition.file))
             case tree.Comparison():
                 return self._comparison(node)
             case tree.Logical():
@@ -196,9 +196,14 @@ class ExpressionCompiler:
         """A number, a list or a matrix, with 1 and 0 for a condition."""
         return value if isinstance(value, tuple) else self._number(value, span)
 
+    def _no_word(self, node: tree.ExpressionSyntax) -> Value:
+        """A value that is no choice and no text."""
+        value = self.value(node)
+        return no_choice(value, node.span) if isinstance(value, Typed) else value
+
     def condition(self, node: tree.ExpressionSyntax) -> Expression:
         """A condition: a comparison, or a name that is one."""
-        value = self.value(node)
+        value = self._no_word(node)
         if isinstance(value, tuple) or not value.truth:
             raise Wrong(WrongType(node.span, "A condition", "a number", "Compare it with something: `x > 0`."))
         return value.expression
@@ -255,11 +260,16 @@ class ExpressionCompiler:
         found = self.resolve(node, home or self.scope)
         depth = None if home is None else len(home.rows()) - 1
         words = node.words if home is None else f"{node.words} of the function's scope"
+        if found.text is not None:
+            self.lists[words] = node, found.text
+            return Typed(ZERO, ONE, text=found.text)
         if not found.is_list:
             symbol = Symbol(self._slot(node, None, depth))
             if found.truth:
                 return Typed(call("less", Number(0.5), symbol), ONE, truth=True)
             return Typed(symbol, found.dimensions[0], choices=found.choices)
+        if found.by_text:
+            self.lists[words] = node, (found.dimensions, found.columns, found.values)
         if found.fixed:
             known = [v for v in found.values if v is not None]
             parts = [Typed(Number(v), d) for v, d in zip(known, found.dimensions, strict=True)]
@@ -291,6 +301,8 @@ class ExpressionCompiler:
             raise Wrong(UnknownName(node.span, node.head, f"the function `{function}`", hint))
         outside = Scope(self.scope.definition, "")
         found = self.resolve(node, outside)
+        if found.text is not None:
+            return Typed(ZERO, ONE, text=found.text)
         values = [v for v in found.values if v is not None]
         if len(values) < len(found.dimensions):
             what = "A parameter of the function or a constant of the file"
@@ -357,35 +369,16 @@ class ExpressionCompiler:
         return Typed(power(base.expression, exponent.expression), dimension)
 
     def _choice_at(self, node: tree.ExpressionSyntax) -> Typed | None:
-        """The choice that one side of a comparison reads; None for anything else."""
-        if not isinstance(node, tree.PathSyntax) or not (node.head in self.local or self.scope.find(node.head)):
-            return None
-        value = self.value(node)
-        return value if isinstance(value, Typed) and value.choices else None
-
-    def _compared(self, node: tree.Comparison, sides: tuple[Typed | None, Typed | None]) -> Typed:
-        """Comparison of a choice with one of its words, or with another choice of the same words."""
-        choices = next(side.choices for side in sides if side is not None)
-        numbers: list[Expression] = []
-        for side, written in zip(sides, (node.left, node.right), strict=True):
-            word = written.words if isinstance(written, tree.PathSyntax) else ""
-            if word in choices and (side is None or sides != (side, side)):
-                numbers.append(Number(1.0 + choices.index(word)))
-            elif side is not None and side.choices == choices:
-                numbers.append(side.expression)
-            else:
-                hint = suggestion(word, choices, f"It can be: {', '.join(choices)}.")
-                raise Wrong(WrongType(written.span, f"One of {', '.join(choices)}", f"`{written.span.words}`", hint))
-        if node.operator not in ("==", "!="):
-            hint = f"A choice is compared by `==` and `!=`: `{node.left.span.words} == {node.right.span.words}`."
-            raise Wrong(WrongType(node.span, "A comparison of choices", f"`{node.operator}`", hint))
-        same = call("equal", *numbers)
-        return Typed(same if node.operator == "==" else call("not", same), ONE, truth=True)
+        """The choice or text that one side of a comparison is; None for anything else."""
+        names = (self.scope.find, self.local.get, self.scope.definition.file.constants.get)
+        named = isinstance(node, tree.PathSyntax) and any(find(node.head) for find in names)
+        value = self.value(node) if named or isinstance(node, tree.TextSyntax) else None
+        return value if isinstance(value, Typed) and (value.choices or value.text) else None
 
     def _comparison(self, node: tree.Comparison) -> Typed:
         sides = self._choice_at(node.left), self._choice_at(node.right)
         if sides != (None, None):
-            return self._compared(node, sides)
+            return compare_words(node, sides)
         left, right = self.scalar(node.left), self.scalar(node.right)
         common_dimension([(left, node.left.span), (right, node.right.span)], "These cannot be compared")
         self.checks += rates_in(node, (left, right), self.written)
@@ -414,7 +407,7 @@ class ExpressionCompiler:
     def _guarded(self, node: tree.ExpressionSyntax, condition: Expression) -> Value:
         """A branch of a choice; what is left to an instance to check there is checked where the condition may hold."""
         first = len(self.checks)
-        value = self.value(node)
+        value = self._no_word(node)
         self.checks[first:] = [check.under(condition) for check in self.checks[first:]]
         return value
 
@@ -425,10 +418,10 @@ class ExpressionCompiler:
         if node.function in MEMORIES:
             return self._memory(node)
         if node.function in tables.USAGE:
-            readers = tables.Arguments(self.scope.definition.file, self.value, self.scalar, self.checks)
+            readers = tables.Arguments(self.value, self.scalar, self.checks)
             return tables.compile_table(readers, node)
         if node.function in VECTORS:
-            return compile_vector(node, [self.value(a) for a in node.arguments], self.checks)
+            return compile_vector(node, [self._no_word(a) for a in node.arguments], self.checks)
         rule = FUNCTIONS.get(node.function)
         if rule is None:
             own = (name for row in self.scope.rows() for name in (row.functions or row.definition.functions))

@@ -30,7 +30,7 @@ from ...graph.units import ONE
 from ...source import Span
 from ...syntax import tree
 from ..names.errors import WrongArguments, WrongTable, WrongType
-from ..names.scope import FileScope
+from ..names.scope import TextValue
 from ..names.statement_errors import Wrong
 from .columns import read_column
 from .lists import parts_of, rows_of, sort_of
@@ -58,7 +58,6 @@ _COUNTS = {**dict.fromkeys(KINDS, 3), "column": 2, "noise": 3}
 class Arguments:
     """Readers of the arguments of a call, and the list that collects the checks left to each instance."""
 
-    file: FileScope
     value: Callable[[tree.ExpressionSyntax], Value]
     scalar: Callable[[tree.ExpressionSyntax], Typed]
     checks: list[Check]
@@ -72,7 +71,7 @@ def compile_table(arguments: Arguments, node: tree.Call) -> Value:
         count = f"{_COUNTS[node.function]} arguments"
         raise Wrong(WrongArguments(node.span, node.function, count, len(node.arguments), USAGE[node.function]))
     if node.function == "column":
-        column = read_column(node, arguments.file)
+        column = read_column(node, _texts(arguments, node))
         return tuple(Typed(Number(v), column.dimension) for v in column.values)
     return _noise(arguments, node) if node.function == "noise" else _curve(arguments, node)
 
@@ -220,8 +219,13 @@ def _placed(points: Sequence[Typed], argument: tree.ExpressionSyntax) -> list[tu
 def _cells(arguments: Arguments, argument: tree.ExpressionSyntax) -> tuple[Span, ...]:
     """Places in the text or file of the numbers in a list, if they differ from the place of the argument."""
     if isinstance(argument, tree.Call) and argument.function == "column":
-        return read_column(argument, arguments.file).cells
+        return read_column(argument, _texts(arguments, argument)).cells
     return tuple(item.span for item in argument.items) if isinstance(argument, tree.VectorSyntax) else ()
+
+
+def _texts(arguments: Arguments, node: tree.Call) -> list[TextValue | None]:
+    """The texts that a call is given; None for an argument that is none."""
+    return [getattr(arguments.value(argument), "text", None) for argument in node.arguments]
 
 
 def _settle(arguments: Arguments, check: Check) -> bool:

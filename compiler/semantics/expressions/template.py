@@ -15,7 +15,7 @@ from ...graph.units import ONE, Dimension
 from ...source import Span
 from ...syntax import tree
 from ..names.errors import DimensionMismatch, WrongType
-from ..names.scope import Scope
+from ..names.scope import Scope, TextValue
 from ..names.statement_errors import Wrong, describe, unit_hint
 
 
@@ -27,14 +27,17 @@ class Typed:
     dimension: Dimension | None
     truth: bool = False
     choices: tuple[str, ...] = ()  # the words that a choice is one of: its expression is a number from 1
+    text: TextValue | None = None  # then it has no number
 
 
 Vector = tuple[Typed, ...]
 Matrix = tuple[Vector, ...]  # rows of one length
 Value = Typed | Vector | Matrix
 Shape = tuple[int, int]  # numbers in a list, and the columns of a matrix, else 0
-# Units of the numbers in a list (None: zero, whatever the unit), and the columns.
-ListUnits = tuple[tuple[Dimension | None, ...], int]
+# Units of the numbers in a list (None: zero, whatever the unit), and the columns; where they follow from a text the numbers.
+ListUnits = (
+    tuple[tuple[Dimension | None, ...], int] | tuple[tuple[Dimension | None, ...], int, tuple[float | None, ...]]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +89,8 @@ class Template:
     slots: tuple[Slot, ...]
     formulas: tuple[Formula, ...]
     checks: tuple[Check, ...] = ()
-    lists: tuple[tuple[tree.PathSyntax, ListUnits], ...] = ()  # lists that it reads, with the units that they had
+    # lists that it reads, with the units that they had, and texts
+    lists: tuple[tuple[tree.PathSyntax, ListUnits | TextValue], ...] = ()
     # the model's own that it calls; None where a branch that is not taken has one
     functions: tuple[tuple[str, tree.FunctionSyntax | None], ...] = ()
 
@@ -103,6 +107,8 @@ class Readable:
     fixed: bool = False  # numbers of the text: the same in every instance
     choices: tuple[str, ...] = ()
     columns: int = 0  # of a matrix
+    text: TextValue | None = None
+    by_text: bool = False  # fixed by the texts that it reads, which instances may set
 
 
 Resolve = Callable[[tree.PathSyntax | tree.Call, Scope], Readable]
@@ -126,7 +132,7 @@ class CompiledLaw:
     # integrals of its own flow (`q`) or effort (`p`) that the law reads, in the slots after all others
     remembered: tuple[str, ...]
     checks: tuple[Check, ...]  # points of tables, known per instance
-    lists: tuple[tuple[tree.PathSyntax, ListUnits], ...]  # lists that it reads, with their units
+    lists: tuple[tuple[tree.PathSyntax, ListUnits | TextValue], ...]  # lists that it reads, with their units, and texts
     # the model's own that it calls; None where a branch that is not taken has one
     functions: tuple[tuple[str, tree.FunctionSyntax | None], ...] = ()
     ports: tuple[str, ...] = ()  # of the element, as many as it is wide
@@ -176,7 +182,10 @@ def times(a: Typed, b: Typed, direction: int) -> Typed:
 
 
 def no_choice(value: Typed, span: Span) -> Typed:
-    """A value that is a number. Raises `Wrong` for a choice."""
+    """A value that is a number. Raises `Wrong` for a choice or a text."""
+    if value.text is not None:
+        hint = "Texts name files and columns, in `column`, and are compared by `==` and `!=`."
+        raise Wrong(WrongType(span, "A number", f'the text "{value.text.value}"', hint))
     if value.choices:
         hint = f"Compare it: `{span.words} == {value.choices[0]}`."
         raise Wrong(WrongType(span, "A number", f"a choice of {', '.join(value.choices)}", hint))

@@ -88,7 +88,7 @@ def _rotate(node: tree.Call, arguments: Sequence[Value]) -> Value:
 
 def _angle(node: tree.Call, arguments: Sequence[Value], number: int) -> Typed:
     angle, place = arguments[number], node.arguments[number]
-    if not isinstance(angle, Typed) or angle.truth or angle.choices:
+    if not isinstance(angle, Typed) or angle.truth:
         raise Wrong(WrongType(place.span, "An angle", "no number", f"Write `{VECTORS[node.function][1]}`."))
     bare_number(angle, place, "The angle")
     return angle

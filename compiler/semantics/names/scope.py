@@ -23,6 +23,14 @@ RESERVED = frozenset("""model plain import from parameter parameters constant in
 
 
 @dataclass(frozen=True, slots=True)
+class TextValue:
+    """A text known before the run, and the file that has it: the name of a file in it is relative to that."""
+
+    value: str
+    file: FileScope
+
+
+@dataclass(frozen=True, slots=True)
 class Scalar:
     """A number with a dimension (None: a bare zero, which fits any)."""
 
@@ -32,6 +40,7 @@ class Scalar:
     name: str
     truth: bool = False  # a condition with a name: 1 or 0 as a number
     choices: tuple[str, ...] = ()  # a parameter that is one of these words: its number, from 1
+    text: TextValue | None = None  # a parameter or constant that is a text, and no number
 
     @property
     def number(self) -> float | None:
@@ -46,6 +55,11 @@ class Items:
     name: str
     items: tuple[Scalar, ...]
     columns: int = 0  # of a matrix
+
+    def shape(self, like: object) -> tuple[object, ...]:
+        """Units of the items and the columns, as `ListUnits`; with the numbers if those that it is compared with have them."""
+        numbers = (tuple([i.number for i in self.items]),) * (isinstance(like, tuple) and len(like) > 2)
+        return (tuple([i.dimension for i in self.items]), self.columns, *numbers)
 
 
 @dataclass(slots=True)

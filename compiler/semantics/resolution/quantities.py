@@ -34,6 +34,7 @@ from .cycles import refuse_other_readings
 from .elaboration_cache import ElaborationCache
 from .memories import MemoryResolver, constant
 from .resolver import SHOWN
+from .texts import is_text, text_of
 
 # Their values are known before the run; of a mode the first one, of the unknown of a `solve` the guess.
 UNCHANGING_ROLES = ("parameter", "constant", "mode", "solve")
@@ -209,8 +210,17 @@ class QuantityResolver(MemoryResolver):
             self.used_overrides.add(pending.name)
         else:
             override = None
+        text = is_text(self, pending)
+        if (item.choices or text) and override is not None and override.value is None:
+            line = item.span.source.line(item.span.line).strip()  # structure: a run's program is made for one choice
+            raise ValuesNeeded({pending.name: f"line {item.span.line}, `{line[:SHOWN]}`"})
         if item.choices:
             return self._choice(pending, override)
+        if text:
+            if pending.value is None and override is None:
+                self._without_value(pending, ONE)
+                raise AlreadyTold
+            return text_of(self, pending, override)
         unit = scale_of(item.unit) if item.unit is not None else None
         if unit is not None and pending.owner.plain:
             raise Wrong(WrongType(item.span, "A bare number", "a unit", "A `plain model` has no units."))
@@ -244,9 +254,6 @@ class QuantityResolver(MemoryResolver):
             hint = "Only a parameter or a mode is one of several words."
             raise Wrong(WrongType(item.choices[0][1], "A number", "a choice", hint))
         value = override.value if override is not None else pending.value
-        if override is not None and value is None:  # structure: a run's program is made for one choice
-            line = item.span.source.line(item.span.line).strip()
-            raise ValuesNeeded({pending.name: f"line {item.span.line}, `{line[:SHOWN]}`"})
         if value is None:
             entered = self._without_value(pending, ONE)
             return replace(entered, choices=words)
@@ -263,7 +270,7 @@ class QuantityResolver(MemoryResolver):
             other = self.lookup(value, scope)
             if isinstance(other, Scalar) and other.choices == words and isinstance(other.reference, float):
                 return self._chosen(pending, other.reference)
-        hint = suggestion(word, words, hint)
+        hint = suggestion(value.span.words.strip('"'), words, hint)
         raise Wrong(WrongValue(value.span, item.name, pending.owner.definition.name, value.span.words, hint))
 
     def _chosen(self, pending: Pending, number: float) -> Scalar:

@@ -231,7 +231,7 @@ class Resolver(ABC):
                 return False
         for path, units in made.lists:
             found = self.lookup(path, scope)
-            if not isinstance(found, Items) or (tuple([i.dimension for i in found.items]), found.columns) != units:
+            if units != (found.text if isinstance(found, Scalar) else found.shape(units)):
                 return False
         return True
 
@@ -303,17 +303,18 @@ class Resolver(ABC):
         """Dimensions of the quantity that a path reads, or of a signal with memory or a rate."""
         found = self.nested_memory(path, scope) if isinstance(path, tree.Call) else self.lookup(path, scope)
         if isinstance(found, Items):
-            if isinstance(path, tree.PathSyntax) and any(item.choices for item in found.items):
-                raise Wrong(
-                    WrongType(path.span, "A list of numbers", "an array of choices", f"Read one: `{path.words}[1]`.")
-                )
+            if isinstance(path, tree.PathSyntax) and any(item.choices or item.text for item in found.items):
+                what = "an array of choices or texts"
+                raise Wrong(WrongType(path.span, "A list of numbers", what, f"Read one: `{path.words}[1]`."))
             values = tuple(item.number for item in found.items)
-            fixed = isinstance(path, tree.PathSyntax) and None not in values and self._fixed(path, scope)
-            return Readable(tuple(i.dimension for i in found.items), True, values, fixed=fixed, columns=found.columns)
-        return Readable((found.dimension,), False, (found.number,), found.truth, choices=found.choices)
+            fixed = self._fixed(path, scope) if isinstance(path, tree.PathSyntax) and None not in values else None
+            units = tuple(i.dimension for i in found.items)
+            by_text = bool(fixed and fixed.lists)
+            return Readable(units, True, values, fixed=fixed is not None, columns=found.columns, by_text=by_text)
+        return Readable((found.dimension,), False, (found.number,), found.truth, choices=found.choices, text=found.text)
 
-    def _fixed(self, path: tree.PathSyntax, scope: Scope) -> bool:
-        """Return True for a list that is a `constant` of literal numbers: it is the same in every instance."""
+    def _fixed(self, path: tree.PathSyntax, scope: Scope) -> Template | None:
+        """Template of a list that is a `constant` of literal numbers: the same in every instance, but for the texts that it reads."""
         entry = scope.find(path.head) or self.file_entry(path.head, scope)
         if (
             path.steps
@@ -322,9 +323,10 @@ class Resolver(ABC):
             or entry.role != "constant"
             or entry.value is None
         ):
-            return False
+            return None
         unit = None if entry.item.unit is None else scale_of(entry.item.unit)
-        return all(isinstance(f.expression, Number) for f in self.template(entry.value, entry.scope, unit).formulas)
+        template = self.template(entry.value, entry.scope, unit)
+        return template if all(isinstance(f.expression, Number) for f in template.formulas) else None
 
     def lookup(self, path: tree.PathSyntax, scope: Scope) -> Scalar | Items:
         """Return the quantity or list that a path reads. Raises `Wrong` or `AlreadyTold`."""
