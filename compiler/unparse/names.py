@@ -64,7 +64,9 @@ def choose_names(
 ) -> ReferenceNames:
     """Give every name of the graph a name of the text; valid ones stay. `separate` outputs need a name of their own."""
     elements = [n for n in graph.nodes if isinstance(n, Element)]
-    always = set(RESERVED) | {"energy"} | _blocked_letters(graph, elements, plain)
+    reserved = {*RESERVED, "energy"}
+    always = reserved | _blocked_letters(graph, elements, plain)
+    outputs = {("quantity", n) for n in {*graph.outputs} - {*separate}} | {("output", n) for n in separate}
     blocked = _blocked_by_readers(graph, elements)
     names = ReferenceNames()
     wanted = [("quantity", n) for n in graph.quantities] + [("output", n) for n in separate]
@@ -73,9 +75,14 @@ def choose_names(
     later = []
     letters = {word for element in elements for word in _own_words(element)}
     plain_names = {name for _, name in wanted if name == word_of(name)}
+
+    def refused_for(key: tuple[str, str]) -> set[str]:
+        """Words that a name cannot be. Laws do not read outputs, which may have their letters."""
+        return (reserved if key in outputs else always) | blocked.get(key, set())
+
     for kind, name in wanted:
         word = word_of(name)
-        refused = name in names.taken or word in always or word in blocked.get((kind, name), ())
+        refused = name in names.taken or word in refused_for((kind, name))
         if word != name:  # of an array: its word must be free too
             refused = refused or word in plain_names or word in letters
         if word is not None and not refused:
@@ -84,7 +91,7 @@ def choose_names(
         else:
             later.append((kind, name))
     for kind, name in later:
-        home[kind][name] = found = names.free(name, always | blocked.get((kind, name), set()), names.taken)
+        home[kind][name] = found = names.free(name, refused_for((kind, name)), names.taken)
         names.taken.add(found)
     for node in graph.nodes:
         if isinstance(node, MechanismNode):

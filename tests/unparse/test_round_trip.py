@@ -106,6 +106,27 @@ def test_letters_that_quantities_have() -> None:
     assert "  I one_i : p = 3 kg*f*one_n  # one.i\n" in flat
 
 
+def test_outputs_keep_their_names() -> None:
+    """No law reads one: they may have the letters of laws, also of transducers and of elements that only their letters give a domain."""
+    flat = there_and_back("""
+      model M {
+        C c : F = 2 [N/m]*x { start x = 1 m }
+        I m : p = 3 kg*f
+        R r : e = 5 [N*s/m]*f
+        TF lever : f2 = 2*f1
+        C field(a: translation, b: translation) : a.F = 2 [N/m]*a.x, b.F = 3 [N/m]*b.x
+        Se push : e = 2 N
+        R slow : F = 7 [N*s/m]*v
+        1(r, m, field.a) -> c
+        1(c2) -> lever -> field.b
+        C c2 : F = 1 [N/m]*x
+        push -> slow
+        output q = c.x, f = m.v, p = m.p, e = r.F + q*1 [N/m], x = field.a.x, a = f, e1 = lever.F1, f2 = lever.v2, v = slow.v
+      }
+    """)
+    assert re.findall(r"^  output (\w+)", flat, re.MULTILINE) == ["q", "f", "p", "e", "x", "a", "e1", "f2", "v"]
+
+
 def test_flat_names_that_become_letters() -> None:
     """`S.dot` would be the flow of a thermal law, `a.b` the port of a field."""
     flat = there_and_back("""
