@@ -60,13 +60,17 @@ def _meant_words(error: WrongText) -> Iterator[Candidate]:
     if meant is None or wrong is None:
         return
     old = getattr(error.item, "name", "") or getattr(error.item, "kind", "") or wrong[1]
-    for word in dict.fromkeys((old, old.rpartition(".")[2], error.old, wrong[1])):
-        use = re.compile(rf"(?<![\w]){re.escape(word)}(?![\w])")
-        uses = list(use.finditer(error.text, error.first, error.last)) or list(
-            use.finditer(error.text, error.start, error.end)
-        )
-        for new in _QUOTED.findall(meant[1]) if uses else ():
-            yield error.replace(*uses[-1].span(), new)
+    words = dict.fromkeys((old, old.rpartition(".")[2], error.old, wrong[1]))
+    for start, end in ((error.first, error.last), (error.start, error.end)):
+        uses = [
+            u
+            for w in words
+            for u in [*re.compile(rf"(?<!\w){re.escape(w)}(?!\w)").finditer(error.text, start, end)][-1:]
+        ]
+        for use in uses:
+            yield from (error.replace(*use.span(), new) for new in _QUOTED.findall(meant[1]))
+        if uses:
+            return
 
 
 def _units(error: WrongText) -> Iterator[Candidate]:
