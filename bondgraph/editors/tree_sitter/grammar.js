@@ -92,14 +92,14 @@ module.exports = grammar({
     correlation: ($) => seq($.name, "(", $.path, sign(","), $.path, ")", sign("="), $._expression),
     range: ($) => seq($._expression, sign(".."), $._expression),
 
-    _expression: ($) => choice($.binary, $.chosen, $.unary, $.quantity, $.path, $.call, $.bracket, $.vector),
+    _expression: ($) => choice($.binary, $.chosen, $.unary, $.quantity, $.path, $.call, $.bracket, $.vector, $.string),
     binary: ($) => choice(
       ...[[2, word("or")], [3, word("and")], [5, sign("+")], [5, sign("-")], [6, sign("*")], [6, sign("/")], [8, sign("^")],
         ...["<=", ">=", "==", "!=", "<", ">"].map((s) => [4, sign(s)])].map(([n, s]) => prec.left(n, seq($._expression, s, $._expression))),
     ),
     chosen: ($) => prec.right(1, seq($._expression, "if", $._expression, word("else"), $._expression)),
     unary: ($) => prec(7, seq(choice(sign("-"), "not"), $._expression)),
-    call: ($) => seq(field("function", $.name), "(", optional(listed(choice($._expression, $.string))), ")"),
+    call: ($) => seq(field("function", $.name), "(", optional(listed($._expression)), ")"),
     bracket: ($) => seq("(", $._expression, ")"),
     vector: ($) => choice(seq("(", $._expression, repeat1(seq(sign(","), $._expression)), ")"), seq("[", listed($._expression), "]")),
     quantity: ($) => seq($.number, optional(choice(alias($.name, $.unit), alias($.symbol, $.unit), seq("[", $.unit, "]")))),
