@@ -6,6 +6,7 @@ Exit codes: 0 fine, 1 the file is wrong, 2 usage, 3 the numbers failed, 70 a def
 from __future__ import annotations
 
 import gc
+import os
 import re
 import sys
 from difflib import get_close_matches
@@ -146,6 +147,8 @@ def main() -> None:
 
     gc.disable()  # what a command reads and makes lives until its end: looking through it for what could go is for nothing
     outlet = open_streams()
+    if "_BONDGRAPH_COMPLETE" in os.environ:
+        from . import completion  # noqa: F401  what each shell is given
     try:
         code = commands.main(prog_name="bondgraph", standalone_mode=False)
     except click.ClickException as problem:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache
@@ -45,3 +46,11 @@ def unit_suggestions(dimension: Dimension | None, context: Context) -> Iterator[
         yield from (
             Suggestion(s, "unit", str(UNITS[s].dimension)) for s in UNITS if s not in USUAL and s[0] not in PREFIXES
         )
+
+
+def units_beside(unit: str) -> Iterator[str]:
+    """Yield units of the same dimension as one in SI, as they stand behind a number."""
+    of_it = next((_of(scale.dimension) for scale in UNITS.values() if str(scale.dimension) == unit), ())
+    yield from (
+        f"[{s}]" if re.search("[*/^]", s) else s for s in dict.fromkeys((*of_it, *([unit] if unit != "1" else ())))
+    )

@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from click.shell_completion import ShellComplete
+from click.shell_completion import ShellComplete, get_completion_class
 from click.testing import CliRunner
 
 from bondgraph.commands import COMMANDS, EXAMPLES, commands
@@ -49,10 +49,36 @@ def test_names_of_the_model_in_the_file(tmp_path_factory: pytest.TempPathFactory
         assert completed(command, str(file), option) == ["R=", "U="]
     assert completed("sensitivity", str(file), "--by") == ["R", "U"]
     assert completed("invert", str(file), "--want", typed="c") == ["charge=", "current="]
+    assert completed("run", str(file), "--set", typed="R=2 k") == ["R=2 kohm"]
+    assert completed("run", str(file), "--set", typed="R=2")[0] == "R=2ohm" and not completed(
+        "run", str(file), "--set", typed="R="
+    )
+    assert completed("sweep", str(file), "--over", typed="U=1, 2.5e3 m") == ["U=1, 2.5e3 mV"]
+    assert completed("run", str(MODELS / "oscillator.bg"), "--set", typed="k=5 [") == ["k=5 [N/m]"]
+    assert (
+        completed("run", str(file), "--set", typed="R2=2") == completed("run", str(file), "--set", typed="R=r2") == []
+    )
     assert "state_equations" in completed("show", str(file), "--stage")
     assert completed("run", str(file.with_name("missing.bg")), "-e") == []
     file.write_text("model Rc {")
     assert completed("run", str(file), "-e") == []
+
+
+def test_words_that_bash_cuts_at_equal_signs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It gets what follows the sign; in quotes, which it does not cut, the whole."""
+    found = get_completion_class("bash")
+    assert found is not None and "nospace" in found.source_template
+    completer = found(commands, {}, "bondgraph", "_BONDGRAPH_COMPLETE")
+    for cut, answer in (
+        ("k\n=\n5", "plain,5[N/m]"),
+        ("'k=5 ", "plain,k=5 [N/m]"),
+        ("m\n=\n5l", "plain,5lb"),
+        ("k\n=", ""),
+    ):
+        words = f"bondgraph\nrun\n{MODELS / 'oscillator.bg'}\n--set\n{cut}"
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", str(words.count("\n")))
+        assert completer.complete() == answer
 
 
 def test_a_missing_option_tells_what_it_takes(tmp_path: Path) -> None:
