@@ -33,7 +33,7 @@ NAMES = {
     "find_constants": "constants", "find_start": "start", "find_instants": "instants", "find_recurring": "recurring", "find_periods": "periods",
     "find_switches": "switches", "find_output": "output", "find_slopes": "slopes", "find_limits": "limit_values",
     "entries": "jacobian_entries", "find_modes": "mode_start", "find_counts": "counts", "find_triggers": "triggers", "find_values": "values",
-    "find_sampling": "sampling", "find_claims": "claims",
+    "find_sampling": "sampling", "find_claims": "claims", "solve": "completed",
 }  # fmt: skip
 FUNCTIONS = (
     "constants", "start", "derivative", "jacobian_entries", "output", "instants", "periods", "switches", "holds", "limit_values", "bends", "peaks",
@@ -103,7 +103,7 @@ def _fields(program: Program, module: LibraryModule, values: StartValues) -> dic
         "claimed": program.claims(0.0, values.state, values.inputs, constants, np.zeros(counts["switches"])) if "claims" in counts else np.zeros(0),
         "parts": _whole(p for p in program.parts if p >= 0), "part_count": sum(p >= 0 for p in program.parts),
         "loops": {} if solved else loops.room(np.arange(unknowns)) | {"magnitude": loops.magnitude, "unknown": int(loops.unknown), "state": np.zeros(n)},
-        "behind": zeros_of(Factors, n=unknowns), "events": None if hybrid is None else _events(hybrid, n), "relative": values.tolerances.relative,
+        "behind": zeros_of(Factors, n=unknowns), "events": None if hybrid is None else _events(hybrid, n, differential), "relative": values.tolerances.relative,
         "parameters": np.array(values.parameters, dtype=float), "timed": _whole(timed), "slope_rows": _whole(row for row, _ in slopes),
         "slope_columns": _whole(column for _, column in slopes), "limit_kind": _whole(KINDS.index(note.kind) for note in limits),
         "limit_place": _whole(places[:-1]),
@@ -129,13 +129,13 @@ def _solver(program: Program, counts: Mapping[str, int], values: StartValues) ->
     return room | at_start | mode | checked | {"closed": closed, "redundant": redundant, "pattern": pattern}
 
 
-def _events(hybrid: Hybrid, n: int) -> dict[str, Any]:
+def _events(hybrid: Hybrid, n: int, differential: int) -> dict[str, Any]:
     """Return the fields of the events."""
     conditions, events = hybrid.conditions, hybrid.events
     settings = [(i, s) for i, event in enumerate(events) for s in event.settings]
     sampled = [i for i, event in enumerate(events) if event.sampled]
     m = len(conditions)
-    indicators = zeros_of(IndicatorWorkspace, n=n, count=n, root_count=m) | {
+    indicators = zeros_of(IndicatorWorkspace, n=n, count=differential, root_count=m) | {
         "bracket": {}, "spacing": np.inf, "most_parts": MOST_PARTS, "places": _whole(x.position for x in conditions),
         "steers": _whole(x.steers for x in conditions),
     }  # fmt: skip

@@ -32,16 +32,19 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
             text = "Join the two in the tool that imports this one."
             yield event.span, f"`{event.owner}`, a unit itself ({event.span.source.name})", text
         for setting in event.settings:
+            if setting.kind == "state" and space.invariants:
+                text = "Let it change a `mode`, on which forces depend."
+                yield setting.span, f"`{setting.words}`, which an event sets in a model with constraints", text
             if setting.kind == "computed":
                 text = "Set the state of a storage, or a `mode`."
                 yield setting.span, f"`{setting.words}`, which an event sets and states compute", text
     if space.delays:
         yield space.delays[0].span, "delayed signals", _RUN
     multipliers = 0 if lowered.solved is None else len(lowered.solved.multipliers)
-    if space.unknowns and (lowered.events.present or 0 < multipliers < len(space.unknowns)):
+    if multipliers < len(space.unknowns) and (lowered.events.present or multipliers):
         names = ", ".join(f"`{space.variables[u.variable].name}`" for u in space.unknowns[:3])
-        what = "events" if lowered.events.present else "closed loops of a mechanism"
-        yield graph.span, f"nonlinear algebraic loops or constraints ({names}) beside {what}", _RUN
+        what = "closed loops of a mechanism" if multipliers else "events"
+        yield graph.span, f"nonlinear algebraic loops ({names}) beside {what}", _RUN
     elif space.unknowns and not space.states:
         yield graph.span, "nonlinear algebraic loops of a model without states", _RUN
     if space.claims and not space.invariants:

@@ -11,6 +11,7 @@ from .dependence import EVENT, MODE, PARAMETER
 from .functions import ProgramFunction
 from .limits import Leaf
 from .lowered import Lowered
+from .multipliers import solved_for
 from .order import operations_in_order
 
 CONSTANT, BY_PARAMETERS, CHANGING = "constant", "tunable", "dependent"  # kinds of slopes, in the words of FMI
@@ -24,6 +25,9 @@ _SLOPES = ProgramFunction(
     "Slopes of the rates, residuals of unknowns, outputs and invariants by the states, unknowns and inputs.",
     lambda lowered: None,
 )
+
+
+_COMPLETED = ProgramFunction("completed", "The state with its multipliers.", lambda lowered: None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +71,19 @@ def _column_numbers(lowered: Lowered) -> list[int]:
     return [*range(count), *(inputs[variable] for variable in lowered.by)]
 
 
-def slopes_of(lowered: Lowered) -> tuple[ProgramFunction, list[Expression]]:
+def more_of(lowered: Lowered) -> list[tuple[ProgramFunction, list[Expression]]]:
+    """Return the functions that a library has beside those of a program, with their results: slopes, and states with the multipliers that belong to them."""
+    if lowered.solved is None:
+        return [_slopes_of(lowered)]
+    count = len(lowered.space.states) + len(lowered.space.unknowns)
+    full: list[Expression] = [Symbol(Leaf("state", place)) for place in range(count)]
+    places = {u.variable: place for place, u in enumerate(lowered.space.unknowns, len(lowered.space.states))}
+    for variable, value in zip(solved_for(lowered.space), lowered.solved.multipliers, strict=True):
+        full[places[variable]] = value
+    return [_slopes_of(lowered), (_COMPLETED, full)]
+
+
+def _slopes_of(lowered: Lowered) -> tuple[ProgramFunction, list[Expression]]:
     """Return the function of a program that computes these slopes, with its results."""
     return _SLOPES, [entry for _, entry in _slopes(lowered)]
 

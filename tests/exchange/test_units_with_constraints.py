@@ -33,6 +33,11 @@ PAIR = """model Parallelogram {
   output turn = bars.a.phi, omega = bars.a.omega, level = bars.rod.phi, load = bars.d.reaction.y
   experiment fall { simulate 0 .. 0.3 s }
 }"""
+CONTROLLED = """  mode torque = 0 [N*m], loads = 0
+  every 35 ms { torque = 1 [N*m]*sin(40*time/1 s) }
+  when bars.rod.y < 0.95 m { loads = loads + 1 }
+  MSe drive : M = -long*pull + torque - (stiff*1 [N*m*s]*bars.a.omega if bars.a.phi < -0.5 else 0 [N*m])
+"""
 ROLLING = """model Rolling {
   parameter slope = 0.3 rad, r = 0.2 m, m = 1 kg, g = 9.81 [m/s^2]
   multibody plane : planar {
@@ -185,6 +190,24 @@ def test_limits_of_what_unknowns_decide_are_told(tmp_path: Path, capfd: pytest.C
     assert "requirement" in "".join(capfd.readouterr())
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_events_switch_what_drives_a_closed_mechanism(fmi: str, tmp_path: Path) -> None:
+    """A sampled controller, a brake that holds from an angle on, and a condition on where the rod is."""
+    text = PAIR.replace("  MSe drive : M = -long*pull", CONTROLLED).replace("output turn", "output lower = loads, turn").replace("apart = 2 m", "apart = 2 m, stiff = 40")  # fmt: skip
+    exported(text, tmp_path, fmi=fmi)
+    own = bondgraph.load(text).simulate(rtol=1e-9)
+    assert own["lower"][-1] == 1
+    for kind in KINDS:
+        found = run(tmp_path, kind, rtol=1e-9, output_interval=0.03)
+        same = np.flatnonzero(np.abs(found["time"] / 0.03 - np.round(found["time"] / 0.03)) < 1e-9)
+        places = np.round(found["time"][same] / 0.0006).astype(int)
+        for name in ("turn", "omega"):
+            values = np.asarray(own[name])[places]
+            assert len(same) > 10 and np.abs(found[name][same] - values).max() < 2e-6 * np.abs(values).max()
+        assert found["load"][-1] == pytest.approx(own["load"][-1], rel=2e-6)
+        assert found["lower"][-1] == own["lower"][-1]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -202,24 +225,25 @@ def test_what_is_still_refused_is_named(text: str, words: str) -> None:
     assert words in failed.value.diagnostics[0].sentence
 
 
-GALLERY: dict[str, float] = {
-    "coin": 1e-5, "crank_linkage": 1e-5, "four_bar": 1e-5, "six_axes": 1e-5, "spatial_slider_crank": 1e-5, "rough_pipe": 1e-5,
-    "published/andrews": 1e-5, "published/heavy_top_terze": 1e-5, "published/transistor_amplifier": 1e-5, "published/whipple": 1e-5,
-    "thesis/stacked": 1e-5,
-}  # fmt: skip
+# Models of the gallery, and the tolerance of their unit.
+GALLERY = dict.fromkeys((
+    "coin", "crank_linkage", "four_bar", "six_axes", "rough_pipe", "published/andrews", "published/heavy_top_terze", "published/transistor_amplifier",
+    "published/whipple", "thesis/stacked",
+), 1e-6) | {"spatial_slider_crank": 1e-8}  # fmt: skip
 
 
 @pytest.mark.few(0)
 @pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize("name", GALLERY)
 def test_units_of_the_gallery_give_the_run(name: str, fmi: str, tmp_path: Path) -> None:
-    """Co-simulation within 10 tolerances of a run at a thousandth of them."""
+    """Co-simulation within 10 tolerances of a run with a far tighter one."""
     model = bondgraph.load(MODELS / f"{name}.bg")
     experiment = next(iter(model.experiments))
-    own = model.simulate(experiment, rtol=1e-9)
+    own = model.simulate(experiment, rtol=1e-3 * GALLERY[name])
     exported(MODELS / f"{name}.bg", tmp_path, experiment, fmi)
-    step = (own.time[-1] - own.time[0]) / (len(own.time) - 1)
-    found = run(tmp_path, "CoSimulation", rtol=1e-6, output_interval=5 * step, stop_time=float(own.time[-1]))
+    stride = 5 if len(own.time) > 100 else 1
+    step = stride * (own.time[-1] - own.time[0]) / (len(own.time) - 1)
+    found = run(tmp_path, "CoSimulation", rtol=GALLERY[name], output_interval=step, stop_time=float(own.time[-1]))
     for output in found.dtype.names[1:]:
-        values = np.asarray(own[output])[::5]
-        assert np.abs(found[output] - values).max() < GALLERY[name] * np.abs(values).max()
+        values = np.asarray(own[output])[::stride]
+        assert np.abs(found[output] - values).max() < 10 * GALLERY[name] * np.abs(values).max()

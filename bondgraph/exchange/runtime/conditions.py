@@ -1,6 +1,6 @@
 """Conditions on states: their truth just after an instant, and the mode in which all of them are so, as in `simulation/events` of a run.
 
-See `indicators.py` and `mode_iteration.py` there for the reasons; units have no loops, constraints and switched junctions.
+See `indicators.py` and `mode_iteration.py` there for the reasons; units have no events beside loops, and no switched junctions.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from ...simulation.integrators.acceptance.event_indicators import (
     doubt,
     evaluate,
     look_ahead,
+    put_later,
 )
 from ...simulation.integrators.acceptance.zero_crossings import FREE, truth
+from .constraints import refresh
 from .instance import OK, SLIDES, EventData, FmuInstance, refused
 from .segment import INFINITE
 
@@ -47,7 +49,8 @@ def count_in(s: FmuInstance) -> int:
     w = s.solver
     changed = 0
     if e.counted_count > 0:
-        e.find_counts(s.time, s.state, w.inputs, w.constants, w.mode, e.counts)
+        refresh(s)
+        e.find_counts(s.time, s.full, w.inputs, w.constants, w.mode, e.counts)
     for k in range(e.counted_count):
         if w.mode[e.counted[k]] != e.counts[k]:
             w.mode[e.counted[k]] = e.counts[k]
@@ -59,10 +62,11 @@ def look(s: FmuInstance) -> None:
     """Evaluate the conditions at the current values: their roots, the rounding of these, and the flow."""
     k = s.events.conditions
     w = s.solver
+    refresh(s)
     k.inputs = w.inputs
     k.constants = w.constants
     k.mode = w.mode
-    k.state = s.state
+    k.state = s.full
     k.magnitude = w.magnitude
     k.strict = w.root_strict
     k.floor = w.root_floor
@@ -128,8 +132,8 @@ def compare_rates(s: FmuInstance, e: EventData) -> None:
     """See if the rates of two modes of a cycle are equal, as for a law that is continuous at its condition."""
     k = e.conditions
     w = s.solver
-    for i in range(w.n):
-        if not k.whole * abs(k.rate[i] - s.rates[i]) <= CLOSE * max(w.magnitude[i], abs(s.state[i])):
+    for i in range(w.differential):
+        if not k.whole * abs(k.rate[i] - s.rates[i]) <= CLOSE * max(w.magnitude[i], abs(s.full[i])):
             e.alike = 0
 
 
@@ -174,14 +178,14 @@ def vanishes(s: FmuInstance) -> bool:
     k = e.conditions
     w = s.solver
     for r in range(1, TRIES):
-        for i in range(w.n):
-            k.later[i] = s.state[i] + REACHES[r] * k.whole * k.rate[i]
+        put_later(k, REACHES[r] * k.whole, k.rate)
         w.derivative(s.time, k.later, w.inputs, w.constants, w.mode, k.slope)
         put_flips(s, k.truth)
+        put_later(k, REACHES[r] * k.whole, k.rate)
         w.derivative(s.time, k.later, w.inputs, w.constants, w.mode, w.si)
         put_flips(s, e.rest)
         largest = 0.0
-        for i in range(w.n):
+        for i in range(w.differential):
             difference = abs(w.si[i] - k.slope[i])
             if not isfinite(difference) or (r > 1 and not s.rates[i] <= VANISHES * difference):
                 return False
@@ -199,8 +203,7 @@ def is_at_rest(s: FmuInstance) -> bool:
     w = s.solver
     if k.flows == 0:
         return False
-    for i in range(w.n):
-        k.later[i] = s.state[i] + FAR * k.whole * k.rate[i]
+    put_later(k, FAR * k.whole, k.rate)
     w.roots(s.time, k.later, w.inputs, w.constants, w.mode, k.again)
     for j in range(w.root_count):
         if e.flips[j] != 0 and not max(abs(k.root[j]), abs(k.again[j])) <= k.noise[j]:
@@ -220,7 +223,8 @@ def indicate(s: FmuInstance, indicators: Floats) -> None:
     e = s.events
     k = e.conditions
     w = s.solver
-    w.roots(s.time, s.state, w.inputs, w.constants, w.mode, k.root)
+    refresh(s)
+    w.roots(s.time, s.full, w.inputs, w.constants, w.mode, k.root)
     for j in range(w.root_count):
         now = said(s, j)
         if FREE * w.root_floor[j] < abs(k.root[j]) < INFINITE and truth(k.root[j], w.root_strict[j]) == now:

@@ -100,6 +100,13 @@ def complete(s: FmuInstance) -> int:
     return OK
 
 
+def refresh(s: FmuInstance) -> None:
+    """Put the states on their constraints with the multipliers of the present mode into `full`; what fails then is told where rates are asked for."""
+    complete(s)
+    if s.solver.closed.multipliers > 0:
+        put_multipliers(s.solver.closed, s.time, s.full)
+
+
 def hold(s: FmuInstance) -> int:
     """Put the states on their constraints, unless that changes them by more than rounded digits."""
     failed = complete(s)

@@ -11,6 +11,7 @@ from ...simulation.integrators.acceptance.first_crossing import FOUND, LEFT, fir
 from ...simulation.integrators.acceptance.zero_crossings import free_roots, full_at, is_wrong, roots_at, truth
 from ...simulation.integrators.methods import PARTS
 from .conditions import count_in, guess_mode, look, put, said, settle_mode
+from .constraints import refresh
 from .instance import (
     CROWDED,
     KEPT,
@@ -54,7 +55,8 @@ def instant(s: FmuInstance) -> int:
     collect_ticks(s)
     enter_segment(s)
     s.segment_known = 1
-    w.roots(s.time, s.state, w.inputs, w.constants, w.mode, k.root)
+    refresh(s)
+    w.roots(s.time, s.full, w.inputs, w.constants, w.mode, k.root)
     crossed = 0
     for j in range(w.root_count):
         w.root_said[j] = said(s, j)
@@ -97,7 +99,8 @@ def happen(s: FmuInstance) -> int:
             return failed
         acting = 0
         if e.event_count > 0:
-            e.find_triggers(s.time, s.state, w.inputs, w.constants, w.mode, e.triggers)
+            refresh(s)
+            e.find_triggers(s.time, s.full, w.inputs, w.constants, w.mode, e.triggers)
         for k in range(e.event_count):
             true = 1 if e.triggers[k] == 1.0 else 0
             e.acts[k] = 1 if e.due[k] != 0 or (true != 0 and e.was_true[k] == 0) else 0
@@ -126,7 +129,8 @@ def act(s: FmuInstance, at_once: int) -> int:
     e = s.events
     w = s.solver
     if e.setting_count > 0:
-        e.find_values(s.time, s.state, w.inputs, w.constants, w.mode, e.values)
+        refresh(s)
+        e.find_values(s.time, s.full, w.inputs, w.constants, w.mode, e.values)
     for k in range(e.setting_count):
         if acts_now(e, k, at_once):
             for i in range(k):
@@ -139,6 +143,7 @@ def act(s: FmuInstance, at_once: int) -> int:
             else:
                 s.state[e.position[k]] = e.values[k]
                 e.resets = 1
+                s.full_known = 0
     return OK
 
 
@@ -228,6 +233,7 @@ def cut_at_event(s: FmuInstance) -> int:
     start = w.end_time[w.ends - 2]
     parts = PARTS[w.method]
     look(s)
+    s.full_known = 0  # the search writes there
     begin = start
     for part in range(parts):
         end = w.time if part + 1 == parts else start + (w.time - start) * float(part + 1) / float(parts)

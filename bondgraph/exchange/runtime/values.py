@@ -54,6 +54,7 @@ def settle(s: FmuInstance) -> None:
     if s.has_events != 0 and s.phase <= INITIALIZING and s.events.modes_known == 0:
         start_modes(s)
         s.events.modes_known = 1
+        s.full_known = 0
 
 
 def find_rates(s: FmuInstance) -> int:

@@ -23,7 +23,7 @@ from ..llvm import runtime
 from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
-from ..structure import slopes_of
+from ..structure import more_of
 from .stepping import obstacle, stepping
 
 ARGUMENTS = (
@@ -45,8 +45,8 @@ def write_c(lowered: Lowered, jumps: Sequence[str] = ()) -> str:
 
 
 def write_library_c(lowered: Lowered) -> tuple[str, str]:
-    """Return the text of a file with the slopes of a library, and the prefix of its names."""
-    file = _File(lowered, (slopes_of(lowered),))
+    """Return the text of a file with the functions of a library, and the prefix of its names."""
+    file = _File(lowered, more_of(lowered))
     return file.text(), file.prefix
 
 

@@ -11,7 +11,7 @@ from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..program import Program
 from ..program_image import ProgramImage
-from ..structure import slope_places, slopes_of
+from ..structure import more_of, slope_places
 from ..time_functions import constants_of_signals, time_functions_of
 from .bind import bind
 from .module import Module
@@ -57,9 +57,9 @@ class LibraryModule:
 
 
 def library_module(lowered: Lowered, names: Sequence[str]) -> LibraryModule:
-    """Return the module with these functions of the program, as far as it has them, and `slopes`."""
-    row, slopes = slopes_of(lowered)
-    module = Module(Writer(lowered, ((row, slopes),)), True, frozenset((*names, row.name)))
+    """Return the module with these functions of the program, as far as it has them, and those of `more_of`."""
+    more = more_of(lowered)
+    module = Module(Writer(lowered, more), True, frozenset((*names, *(row.name for row, _ in more))))
     text = module.text()
     counts = {name: count for name, _, count in module.functions}
     return LibraryModule(text, level_of(module), counts, tuple(slope_places(lowered)))

@@ -385,7 +385,7 @@ def is_sure(s: IntegratorWorkspace, k: IndicatorWorkspace, start: float, stop: f
             full_at(s, time + NEAR * size * BACK[b], s.si)
             for i in range(s.n):
                 k.slope[i] += SLOPE[b] / NEAR * s.si[i]
-        for i in range(s.n):
+        for i in range(s.differential):
             allowed = s.resting[i] * s.magnitude[i] + s.relative * abs(k.later[i])
             if abs(size * k.rate[i] - k.slope[i]) > ALLOWED * allowed:
                 return False
