@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .journal import Journal
 
 MOST_AT_ONCE = 64  # most points of one task
-MOST_TOGETHER = 256  # the same where points are answered together
+MOST_TOGETHER = 512  # the same where points are answered together
 LEAST_TOGETHER = 24  # least points of such a task, if they do not take long
 OFTEN = 0.25  # s: longest time between reports, unless a point takes longer, or points are answered together
 AHEAD = 3  # tasks submitted in advance for each of our own workers, and number of tasks in a worker's share of the remaining points

@@ -280,6 +280,14 @@ def test_calls_of_a_run(model: str, parameter: str, value: float, same: int, oth
     assert len(called) < other
 
 
+def test_calls_of_an_exact_segment() -> None:
+    """Around its products of matrices each of 200 segments made 130 calls, many of them of what numpy writes in Python."""
+    model = bondgraph.load(MODELS / "step_down.bg")
+    short, long = (partial(model.simulate, to=f"{ms} ms", points=250 * ms + 1) for ms in (1, 2))
+    short(), long()
+    assert len(called_in(long)) - len(called_in(short)) < 115 * 200
+
+
 @pytest.mark.parametrize(
     "name",
     ["slider_crank", "published/transistor_amplifier", "../tests/acceptance/defects/smoothstep_into_mass"],

@@ -11,7 +11,7 @@ Constants, matrices and states may have a leading axis, for runs that differ in 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from math import frexp, isqrt, ldexp
 from typing import Any
@@ -113,7 +113,7 @@ class Linear:
             return None
         level = (given / self.scale)[active]
         # its exponentials are those of other rows of b
-        return replace(self, stretch=stretch, active=active, level=level, known={}, near={}, trusted={})
+        return Linear(self.program, self.fixed, stretch, self.matrix, self.norm, self.scale, active, self.seen, level)
 
     def close_to(self, length: float) -> float:
         """Return a known length that is close enough for the first order of the difference to be exact to rounding; otherwise `length`."""
@@ -356,7 +356,8 @@ def intervals(form: Linear, instants: Array, longest: float) -> Intervals | None
     """
     stretch = form.stretch
     inner = instants[instants.searchsorted(stretch.start, "right") : instants.searchsorted(stretch.stop)]
-    edges = np.array([stretch.start, *inner, stretch.stop])
+    edges = np.empty(len(inner) + 2)
+    edges[0], edges[1:-1], edges[-1] = stretch.start, inner, stretch.stop
     gaps = edges[1:] - edges[:-1]
     if form.level is not None and longest >= gaps.max():
         return Intervals(edges[:-1], _few(gaps), np.arange(len(gaps)))
@@ -424,12 +425,14 @@ def _few(lengths: Array) -> Any:
     """Return the lengths with those that differ by rounding alone made equal."""
     if len(lengths) < 2:
         return lengths
-    result = np.array(lengths)
-    order = np.argsort(lengths)
-    groups = np.split(order, np.flatnonzero(np.diff(lengths[order]) > 1e-9 * lengths[order][1:]) + 1)
-    for group in groups:
-        if len(group) > 1:
-            result[group] = lengths[group].mean()
+    order = lengths.argsort()
+    rising = lengths[order]
+    ends = ((rising[1:] - rising[:-1] > 1e-9 * rising[1:]).nonzero()[0] + 1).tolist()
+    for begin, end in zip([0, *ends], [*ends, len(rising)], strict=True):
+        if end - begin > 1:
+            rising[begin:end] = rising[begin:end].sum() / (end - begin)
+    result = np.empty(len(lengths))
+    result[order] = rising
     return result
 
 
