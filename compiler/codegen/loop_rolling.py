@@ -14,16 +14,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from ..algebra.expression import MINUS_ONE, Apply, Expression, Number, Symbol
 from ..algebra.operators import CURVES, SLOPES
 from ..algebra.systems import LEADING, SYSTEMS, size_of
 from ..fast_dataclass import dataclass
+from .limits import Leaf
+from .lowered import Lowered
+from .order import operations_in_order
 
 Place = tuple[str, int]  # an array and an index in it
 LONGEST_TREE, LONG_TREE = 40, 12  # operations in a tree; and in one that ends with the value of a law
 LONG_SUM = 4  # terms; longer ones are rows of numbers
+SAVING = 2  # by how much shorter the kernels must be
+LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
 ARRAYS = ("state", "inputs", "constants", "mode", "out", "work", "numbers")
 _LITERAL = frozenset((*CURVES, *SLOPES))  # operators whose numbers are part of the shape
 
@@ -346,3 +351,56 @@ class _Shape:
 
 def _is_long(node: Apply) -> bool:
     return node.operator == "add" and len(node.operands) > LONG_SUM
+
+
+@dataclass(frozen=True, slots=True)
+class OrderedFunction:
+    """Input for the writing of one function."""
+
+    name: str
+    roots: Sequence[Expression]
+    order: Sequence[Apply]
+    known: Mapping[Expression, Place]
+
+
+def ordered(name: str, roots: Sequence[Expression], known: Mapping[Expression, Place]) -> OrderedFunction:
+    """Return a function with the operations behind its roots in an order in which they can be computed."""
+    here: dict[Expression, object] = {**known, Symbol(Leaf("time", 0)): ""}
+    return OrderedFunction(name, roots, operations_in_order(roots, here), known)
+
+
+class RolledFunctions:
+    """Functions of a module over shared kernels, and their rows one after the other. A target adds the text."""
+
+    def __init__(self, lowered: Lowered, functions: Sequence[OrderedFunction]) -> None:
+        self.shapes = KernelCollection(Symbol(Leaf("time", 0)), lowered.labels)
+        self.plans: dict[str, KernelSchedule] = {}
+        for function in functions:
+            self.plans[function.name] = self.shapes.plan(function.roots, function.order, function.known)
+        self.streams: list[int] = []
+        self.starts: dict[str, int] = {}
+        for name, plan in self.plans.items():
+            self.starts[name] = len(self.streams)
+            self.streams += self.shapes.stream(plan)
+
+    @classmethod
+    def of(cls, lowered: Lowered, functions: Sequence[OrderedFunction]) -> Self | None:
+        """Return them; None where straight-line code is short or has few equal parts."""
+        operations = sum(len(f.order) + len(f.roots) for f in functions)
+        rolled = cls(lowered, functions) if operations > LONGEST_IN_LINES else None
+        return rolled if rolled is not None and SAVING * rolled.size() < operations else None
+
+    def size(self) -> int:
+        """Operations in all shapes."""
+        return sum(_size(k.expression) for k in self.shapes.kernels.values())
+
+
+def _size(expression: Expression | None) -> int:
+    seen: set[Expression] = set()
+    stack = [expression]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, Apply) and node not in seen:
+            seen.add(node)
+            stack.extend(node.operands)
+    return 1 + len(seen)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import bondgraph
+from compiler.codegen import loop_rolling
 from compiler.codegen.c.write import write_c
 from compiler.compilation import Compilation
 from compiler.scene import Scene
@@ -150,6 +151,20 @@ def test_linear_loops(count: int, tmp_path: Path) -> None:
 def test_a_long_loop_is_a_band(tmp_path: Path) -> None:
     compilation = Compilation(Source("row.bg", row_of_resistors(30)), Scene(None, None))
     assert re.search(r"solve\(29, 2, 2, 1, ", write_c(compilation.lowered))
+    agree(compilation, tmp_path, 1e-11)
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", ["ladder", "table"])
+def test_kernels_compute_what_lines_compute(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loops over rows of integers: dense systems, long sums and tables; as lines the same texts are tested above."""
+    monkeypatch.setattr(loop_rolling, "LONGEST_IN_LINES", 0)
+    monkeypatch.setattr(loop_rolling, "SAVING", 0)
+    text = SPRINGS.format(law=LAWS[next(iter(LAWS))], ys="-4, 0, 0.5, 4")
+    if kind == "ladder":
+        text = LADDER % (9, "".join(f" -> {i % 2}(a[{i}])" for i in range(2, 10)), 9)
+    compilation = compiled(text, free=("*",))
+    assert "kernel_0(" in write_c(compilation.lowered)
     agree(compilation, tmp_path, 1e-11)
 
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
-from compiler.codegen.llvm import module
+from compiler.codegen import loop_rolling
+from compiler.codegen.c.write import write_c
 from compiler.codegen.llvm.bind import bind
 from compiler.codegen.llvm.generate import generate_code
 from compiler.codegen.program import Program
@@ -29,8 +32,8 @@ MANY = (
 def by_lines_and_by_kernels(made: Compilation, monkeypatch: pytest.MonkeyPatch) -> list[Program]:
     programs = []
     for longest, saving in ((10**9, 2), (-1, 0)):
-        monkeypatch.setattr(module, "LONGEST_IN_LINES", longest)
-        monkeypatch.setattr(module, "SAVING", saving)
+        monkeypatch.setattr(loop_rolling, "LONGEST_IN_LINES", longest)
+        monkeypatch.setattr(loop_rolling, "SAVING", saving)
         described, codes = generate_code(made.lowered, lambda text, _: object_code(text, 0))
         assert bool(described.rows) == (longest < 0)
         programs.append(bind(described, codes))
@@ -115,7 +118,7 @@ def code_of(text: str) -> tuple[ProgramImage, list[str], list[int]]:
 @pytest.mark.machine_code
 @pytest.mark.parametrize("kind", ["flat ladder", "ladder as an array", "coils", "star"])
 def test_code_does_not_grow_with_the_number_of_instances(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "LONGEST_IN_LINES", 0)  # also where lines would do
+    monkeypatch.setattr(loop_rolling, "LONGEST_IN_LINES", 0)  # also where lines would do
     described, texts, sizes = code_of(TEXTS[kind](50))
     longer, more, others = code_of(TEXTS[kind](500))
     assert sum(sizes) < 30_000
@@ -131,11 +134,24 @@ def test_code_does_not_grow_with_the_number_of_instances(kind: str, monkeypatch:
 
 @pytest.mark.machine_code
 def test_blocks_of_multibonds_with_matrices_in_their_laws_are_loops(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "LONGEST_IN_LINES", 0)
+    monkeypatch.setattr(loop_rolling, "LONGEST_IN_LINES", 0)
     (described, _, sizes), (longer, _, others) = (code_of(TEXTS["multibonds"](n)) for n in (5, 15))
     assert longer.operations > 2.5 * described.operations
     assert sum(others) < 1.02 * sum(sizes) < 60_000
     assert longer.differentiated == described.differentiated
+
+
+def test_a_file_of_c_has_loops_over_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only its data grow with the model."""
+    monkeypatch.setattr(loop_rolling, "LONGEST_IN_LINES", 0)
+    texts = [write_c(compiled(TEXTS["multibonds"](n)).lowered) for n in (4, 8)]
+    code, longer = (len(re.findall(r"^ .*;$", text, re.MULTILINE)) for text in texts)
+    assert 500 < longer <= code
+    (rows, numbers), more = (
+        [text.partition(f"{name}[] = ")[2].partition("}")[0].count(",") for name in ("kernel_rows", "numbers")]
+        for text in texts
+    )
+    assert 1.5 * rows < more[0] < 2.5 * rows and numbers == more[1]
 
 
 @pytest.mark.machine_code

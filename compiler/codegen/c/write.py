@@ -20,10 +20,12 @@ from ..description import name_tables
 from ..functions import ProgramFunction
 from ..limits import Leaf
 from ..llvm import runtime
+from ..loop_rolling import OrderedFunction, Place, ordered
 from ..lowered import Lowered
 from ..numpy.write import Writer
 from ..order import operations_in_order
 from ..structure import more_of
+from .kernels import GIVEN, CKernels
 from .stepping import obstacle, stepping
 
 ARGUMENTS = (
@@ -66,19 +68,21 @@ class _File:
         """The whole text."""
         constants = self.writer.constants
         parameters = range(len(self.lowered.parameters))
-        leaves: dict[Expression, str] = {Symbol(Leaf("parameter", i)): f"constants[{i}]" for i in parameters}
-        known: dict[Expression, str] = {node: f"constants[{i}]" for i, node in enumerate(constants)}
+        leaves: dict[Expression, Place] = {Symbol(Leaf("parameter", i)): ("constants", i) for i in parameters}
+        known: dict[Expression, Place] = {node: ("constants", i) for i, node in enumerate(constants)}
         space = self.lowered.space
-        known |= {Symbol(Leaf("state", i)): f"state[{i}]" for i in range(len(space.states) + len(space.unknowns))}
-        known |= {Symbol(Leaf("input", i)): f"inputs[{i}]" for i in range(len(self.lowered.inputs))}
-        known |= {Symbol(Leaf("mode", i)): f"mode[{i}]" for i in range(self.lowered.events.size)}
-        known[Symbol(Leaf("time", 0))] = "time"
-        note = "All that depends on parameters alone; `constants` are the parameters."
-        functions = [self._function("constants", note, constants, leaves)]
-        counts = [("constants", len(constants))]
+        known |= {Symbol(Leaf("state", i)): ("state", i) for i in range(len(space.states) + len(space.unknowns))}
+        known |= {Symbol(Leaf("input", i)): ("inputs", i) for i in range(len(self.lowered.inputs))}
+        known |= {Symbol(Leaf("mode", i)): ("mode", i) for i in range(self.lowered.events.size)}
+        notes = {"constants": "All that depends on parameters alone; `constants` are the parameters."}
+        written = [ordered("constants", constants, leaves)]
         for row, roots in self.writer.functions:
-            functions.append(self._function(row.name, row.description(self.lowered), roots, known))
-            counts.append((row.name, len(roots)))
+            notes[row.name] = row.description(self.lowered)
+            written.append(ordered(row.name, roots, known))
+        kernels = CKernels.of(self.lowered, written)
+        functions = [] if kernels is None else kernels.kernels(self._computed)
+        functions += [self._function(f, notes[f.name], kernels) for f in written]
+        counts = [(f.name, len(f.roots)) for f in written]
         support = [runtime.BY_OPERATOR[o] for o in sorted(self.called)]
         support_text = c_source(list(dict.fromkeys([*support, *([random_number] if self.steps else [])])))
         points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
@@ -122,11 +126,15 @@ class _File:
         """The name of a list of numbers."""
         return self.arrays.setdefault(values, f"points_{len(self.arrays) + 1}")
 
-    def _function(self, name: str, note: str, roots: Sequence[Expression], known: dict[Expression, str]) -> str:
-        body = _Body(self, known)
-        lines = body.write(roots)
-        unused = "".join(f" (void){a};" for a in ("time", "state", "inputs", "constants", "mode", "out"))
-        head = f"/* {_comment(note)} */\nvoid {self.prefix}_{name}({ARGUMENTS})\n{{\n   {unused}"
+    def _computed(self, expression: Expression, names: dict[Expression, str], count: int) -> list[str]:
+        return _Body(self, names).compute(expression, count)
+
+    def _function(self, function: OrderedFunction, note: str, kernels: CKernels | None) -> str:
+        known = {node: f"{array}[{place}]" for node, (array, place) in function.known.items()}
+        known[Symbol(Leaf("time", 0))] = "time"
+        lines = kernels.body(function.name) if kernels is not None else _Body(self, known).write(function)
+        unused = "".join(f" (void){a};" for a in GIVEN)
+        head = f"/* {_comment(note)} */\nvoid {self.prefix}_{function.name}({ARGUMENTS})\n{{\n   {unused}"
         return "\n".join([head, *(f"    {line}" for line in lines), "}\n"])
 
 
@@ -140,9 +148,21 @@ class _Body:
         self.count = 0
         self.slopes: dict[tuple[str, tuple[Expression, ...]], str] = {}
 
-    def write(self, roots: Sequence[Expression]) -> list[str]:
+    def write(self, function: OrderedFunction) -> list[str]:
         """Write the operations behind the roots, then the roots into `out`."""
-        for node in operations_in_order(roots, self.known):
+        self._operations(function.order)
+        self.lines += [f"out[{place}] = {self._double(root)};" for place, root in enumerate(function.roots)]
+        return self.lines
+
+    def compute(self, expression: Expression, count: int) -> list[str]:
+        """Write one value, or those of a linear system, to `target`."""
+        self._operations(operations_in_order([expression], {}))
+        if isinstance(expression, Apply) and expression.operator in SYSTEMS:
+            return [*self.lines, f"for (int i = 0; i < {count}; i++) target[i] = {self.names[expression]}[i];"]
+        return [*self.lines, f"*target = {self._double(expression)};"]
+
+    def _operations(self, order: Sequence[Apply]) -> None:
+        for node in order:
             text = self._operation(node)
             if node.operator in SYSTEMS:
                 self.names[node] = text
@@ -151,10 +171,10 @@ class _Body:
             self.count += 1
             self.names[node] = f"t{self.count}"
             self.lines.append(f"const {kind} t{self.count} = {text};")
-        for place, root in enumerate(roots):
-            cast = "(double)" if isinstance(root, Apply) and root.operator in CONDITIONS else ""
-            self.lines.append(f"out[{place}] = {cast}{self._name(root)};")
-        return self.lines
+
+    def _double(self, node: Expression) -> str:
+        cast = "(double)" if isinstance(node, Apply) and node.operator in CONDITIONS else ""
+        return f"{cast}{self._name(node)}"
 
     def _name(self, node: Expression) -> str:
         if isinstance(node, Number):

@@ -6,14 +6,9 @@ The length of the code depends on the number of shapes, not of instances. The ro
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
 
-from ...algebra.expression import Apply, Expression, Symbol
-from ...fast_dataclass import dataclass
 from ...jit.values import float_text
-from ..limits import Leaf
-from ..loop_rolling import ARRAYS, Kernel, KernelCollection, KernelSchedule, Place, read
-from ..lowered import Lowered
+from ..loop_rolling import ARRAYS, Kernel, RolledFunctions, read
 from ..program_image import KernelRows
 from .write import HEAD, LlvmLines, LlvmNeeds
 
@@ -36,33 +31,8 @@ _TARGET = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class OrderedFunction:
-    """Input for the writing of one function."""
-
-    name: str
-    roots: Sequence[Expression]
-    order: Sequence[Apply]
-    known: Mapping[Expression, Place]
-
-
-class Kernels:
+class Kernels(RolledFunctions):
     """Functions of a module, over shared kernels."""
-
-    def __init__(self, lowered: Lowered, functions: Sequence[OrderedFunction]) -> None:
-        self.shapes = KernelCollection(Symbol(Leaf("time", 0)), lowered.labels)
-        self.plans: dict[str, KernelSchedule] = {}
-        for function in functions:
-            self.plans[function.name] = self.shapes.plan(function.roots, function.order, function.known)
-        self.streams: list[int] = []
-        self.starts: dict[str, int] = {}
-        for name, plan in self.plans.items():
-            self.starts[name] = len(self.streams)
-            self.streams += self.shapes.stream(plan)
-
-    def size(self) -> int:
-        """Operations in all shapes."""
-        return sum(_size(k.expression) for k in self.shapes.kernels.values())
 
     def rows(self, suffix: str) -> KernelRows:
         """Rows and numbers that the kernels read."""
@@ -239,14 +209,3 @@ def _sum_kernel(number: int) -> str:
             "}",
         ]
     )
-
-
-def _size(expression: Expression | None) -> int:
-    seen: set[Expression] = set()
-    stack = [expression]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, Apply) and node not in seen:
-            seen.add(node)
-            stack.extend(node.operands)
-    return 1 + len(seen)

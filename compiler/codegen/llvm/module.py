@@ -8,16 +8,13 @@ from ...algebra.expression import Expression, Symbol
 from ...jit.translate import translate
 from ...jit.values import float_text
 from ..limits import Leaf
+from ..loop_rolling import OrderedFunction, ordered
 from ..lowered import Lowered
 from ..numpy.write import Writer
-from ..order import operations_in_order
 from ..program_image import KernelRows
 from . import runtime
-from .kernels import Kernels, OrderedFunction
+from .kernels import Kernels
 from .write import HEAD, LlvmLines, LlvmNeeds
-
-SAVING = 2  # by how much shorter the kernels must be
-LONGEST_IN_LINES = 1500  # operations and values of a module that are written one after the other
 
 
 def mode_size(lowered: Lowered) -> int:
@@ -50,7 +47,7 @@ class Module:
         for row, roots in self.writer.functions:
             if row.hot == self.hot if self.chosen is None else row.name in self.chosen:
                 self.functions.append((row.name, tuple(row.arguments.split(", ")), len(roots)))
-                wanted.append(_ordered(row.name, roots, known))
+                wanted.append(ordered(row.name, roots, known))
         parts = self._parts(wanted)
         needed = list(dict.fromkeys(runtime.BY_OPERATOR[o] for o in sorted(self.needs.called)))
         supporting = translate(needed if self.hot or self.chosen is not None else [runtime.batch, *needed])
@@ -69,17 +66,15 @@ class Module:
         parameters = range(len(self.lowered.parameters))
         leaves: dict[Expression, tuple[str, int]] = {Symbol(Leaf("parameter", i)): ("constants", i) for i in parameters}
         self.functions.append(("constants", ("parameters",), len(nodes)))
-        return _ordered("constants", nodes, leaves)
+        return ordered("constants", nodes, leaves)
 
     def _parts(self, functions: Sequence[OrderedFunction]) -> list[str]:
         """Text of the functions: straight-line code if it is short or has few equal parts, else over kernels."""
-        if self.chosen is None and sum(len(f.order) + len(f.roots) for f in functions) > LONGEST_IN_LINES:
-            kernels = Kernels(self.lowered, functions)
-            if SAVING * kernels.size() < sum(len(f.order) + len(f.roots) for f in functions):
-                suffix = "hot" if self.hot else "cold"
-                self.rows = kernels.rows(suffix)
-                parts, self.operations = kernels.text(self.needs, suffix)
-                return parts
+        if self.chosen is None and (kernels := Kernels.of(self.lowered, functions)) is not None:
+            suffix = "hot" if self.hot else "cold"
+            self.rows = kernels.rows(suffix)
+            parts, self.operations = kernels.text(self.needs, suffix)
+            return parts
         return [self._function(f) for f in functions]
 
     def _function(self, function: OrderedFunction) -> str:
@@ -87,8 +82,3 @@ class Module:
         lines = body.write(function.order, function.roots)
         self.operations += len(lines)
         return "\n".join([f"define void @{function.name}{HEAD}", *body.opening, *lines, "  ret void", "}"])
-
-
-def _ordered(name: str, roots: Sequence[Expression], known: dict[Expression, tuple[str, int]]) -> OrderedFunction:
-    here: dict[Expression, object] = {**known, Symbol(Leaf("time", 0)): ""}
-    return OrderedFunction(name, roots, operations_in_order(roots, here), known)
