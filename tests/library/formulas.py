@@ -611,6 +611,7 @@ CONTROL: dict[str, Formula] = {
     "FirstOrder": lambda t: {"y": 2 * rise(t, 0.5)},
     "SecondOrder": lambda t: {"y": second_order(t, 5, 0.4)},
     "LeadLag": lambda t: {"y": 1 + 3 * np.exp(-4 * t)},
+    "StateSpace": lambda t: {"y": (1 - np.exp(-t)) ** 3},
     "TransferFunction2": lambda t: {"y": (1 - np.exp(-2 * t)) / 2},
     "RateLimit": lambda t: {"y": 1 - 0.1 * np.arcsinh(np.sinh(10) * np.exp(-10 * t))},
     "Lowpass": lambda t: {"y": second_order(t, 4 * np.pi, math.sqrt(0.5))},

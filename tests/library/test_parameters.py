@@ -21,6 +21,11 @@ ALLOWED = (
      "TransferFunction2.a_1 TransferFunction2.a_0 DiscretePid.k_p DiscretePid.k_i DiscretePid.w_p DiscretePid.w_d TorqueConverter.a_0 "
      "TorqueConverter.a_1 TorqueConverter.a_2 TorqueConverter.b_0 TorqueConverter.b_1 TorqueConverter.b_2 TorqueConverter.c_0 "
      "TorqueConverter.c_1 TorqueConverter.c_2 Tyre.E TyreSide.E"),
+    ("-0", "an entry of a matrix",
+     "StateSpace.A[1,1] StateSpace.A[2,1] StateSpace.A[2,2] StateSpace.A[3,2] StateSpace.A[3,3] StateSpace.B[1] StateSpace.C[3]"),
+    ("-", "the same, and zero is its default, or a start",
+     "StateSpace.A[1,2] StateSpace.A[1,3] StateSpace.A[2,3] StateSpace.A[3,1] StateSpace.B[2] StateSpace.B[3] StateSpace.C[1] StateSpace.C[2] "
+     "StateSpace.D StateSpace.x_0[1] StateSpace.x_0[2] StateSpace.x_0[3]"),
     ("-", "the same, and zero is its default", "Pid.k_d TransferFunction2.b_2 DiscretePid.k_d"),
     ("-", "the same, and its part is of another order without it", "TransferFunction2.a_2"),
     ("-0", "an unstable plant has a negative damping ratio", "SecondOrder.zeta"),
@@ -110,7 +115,7 @@ def test_senseless_parameters_are_refused(name: str) -> None:
     ]
     found = {}
     for parameter in parameters:
-        own, now = parameter.removeprefix("part."), value(graph, Quantity(parameter), {})
+        own, now = parameter.removeprefix("part.").replace(", ", ","), value(graph, Quantity(parameter), {})
         for sign, other in (("-", -now or -1.0), ("0", 0.0)):
             if other == now:  # its default
                 continue
