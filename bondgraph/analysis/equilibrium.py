@@ -36,7 +36,7 @@ class Equilibrium(OfModel, Summarised):
     verdict: Verdict
     report: Sequence[Reported] = ()  # units in which the experiment shows outputs
     steady: Mapping[str, float] = field(default_factory=dict)
-    note: str = ""  # of a model that time moves
+    note: str = ""  # of a model that time moves, and of a rest among many
 
     @property
     def growth(self) -> float:
@@ -60,7 +60,7 @@ class Equilibrium(OfModel, Summarised):
         """Return JSON values by the schema `bondgraph-equilibrium/1`.
 
         {schema, model, experiment, time, states, unknowns, outputs, growth, stable (null: not decided)}, and where there are some, `bound` of the growth,
-        `undecided` eigenvalues, `undamped` ones, `steady` rates, and a `note` where time moves the model.
+        `undecided` eigenvalues, `undamped` ones, `steady` rates, and a `note` where time moves the model or many rests are alike.
         """
         parts = {word: with_units(getattr(self, word), self.units) for word in ("states", "unknowns", "outputs")}
         told = {
@@ -82,7 +82,7 @@ def equilibrium(point: OperatingPoint) -> Equilibrium:
     return Equilibrium(
         program.name, point.made.plan.experiment, point.time, point.stored(point.state),
         named(program.unknowns.names, point.state[n:]), outputs, units_of(point), _verdict(point), point.made.plan.report, point.steady,
-        held_note(point),
+        "; ".join(filter(None, (held_note(point), *point.notes))),
     )  # fmt: skip
 
 

@@ -75,6 +75,7 @@ class OperatingPoint:
         self.state, self.by = np.asarray(state, dtype=float), by
         self.count, self.all = len(self.program.states.names), len(self.state)
         self.inputs, self.constants = constraints.inputs, constraints.constants
+        self.notes: tuple[str, ...] = ()  # of the start
         self.kinks: list[str] | None = None  # variables that bend or jump here; None: these are refused
 
     @property

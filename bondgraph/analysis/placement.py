@@ -132,7 +132,9 @@ def placed(prepare: Prepare, scene: Scene, asked: AnalysisRequest, values: Mappi
         if isinstance(asked.state, Mapping):
             left_out = compiled.certificate.unneeded if compiled.scene.upstream else ()
             state, mode = _given(leg, {n: v for n, v in asked.state.items() if n not in left_out}, begins, mode)
-    return OperatingPoint(leg.compilation, leg.constraints, state, mode, begins, asked.by, values).check_limits()
+    point = OperatingPoint(leg.compilation, leg.constraints, state, mode, begins, asked.by, values).check_limits()
+    point.notes = leg.start_notes
+    return point
 
 
 def _phase(prepare: Prepare, scene: Scene, options: PhaseOptions, length: float) -> Phase:

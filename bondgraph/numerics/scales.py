@@ -29,7 +29,8 @@ def equilibrated(matrix: Array) -> tuple[Any, Any, Any]:
 
 def null_basis(matrix: Array, terms: Array, vectors: Array, error: float = 0.0) -> tuple[Any, Any]:
     """Return another basis (n, k) of the span of singular vectors (k, n), with an identity in k of its rows, and which of its columns are null vectors of
-    the matrix up to the rounding of its entries, whose terms have the sizes `terms`. `error`: of the components of the vectors."""
+    the matrix up to the rounding of its entries, whose terms have the sizes `terms`. `error`: of the components of the vectors. A small component is
+    rounding, unless the column is a null vector with it alone: beside a state that is all but at zero it is the change of that state."""
     from scipy.linalg import qr
 
     basis = vectors.T
@@ -39,9 +40,14 @@ def null_basis(matrix: Array, terms: Array, vectors: Array, error: float = 0.0) 
     chosen = order[: len(vectors)]
     basis = np.linalg.solve(basis[chosen].T, vectors).T
     basis[chosen] = np.eye(len(chosen))
-    basis = np.where(np.abs(basis) > CLEAN, basis, 0.0)
-    allowed = NULL_ENTRIES * matrix.shape[0] * EPS * (terms @ (np.abs(basis) + error))
-    return basis, (np.abs(matrix @ basis) <= allowed).all(axis=0)
+
+    def null(columns: Array) -> Any:
+        allowed = NULL_ENTRIES * matrix.shape[0] * EPS * (terms @ (np.abs(columns) + error))
+        return (np.abs(matrix @ columns) <= allowed).all(axis=0)
+
+    clean = np.where(np.abs(basis) > CLEAN, basis, 0.0)
+    rounded = null(clean)
+    return np.where(rounded | ~null(basis), clean, basis), rounded | null(basis)
 
 
 def group_numbers(groups: Sequence[object]) -> Any:

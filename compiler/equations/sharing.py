@@ -30,10 +30,12 @@ Row = dict[int, Expression]  # variable -> constant coefficient
 class Rates:
     """Variables as sums of flows with constant coefficients, through junctions, transducers and signals.
 
-    A law of an element ends the sum: its variable is a flow of its own, and so is a variable in a loop.
+    A law of an element ends the sum: its variable is a flow of its own, and so is a variable in a loop. With `products`, each product of what moves
+    in a law is a flow as well: `k*e*s` of a reaction that is written as rates.
     """
 
-    def __init__(self, system: EquationSystem) -> None:
+    def __init__(self, system: EquationSystem, products: bool = False) -> None:
+        self._products: dict[frozenset[tuple[Expression, float]], int] | None = {} if products else None
         self.variables = system.variables
         self.assigned = {a.target: a for a in system.assignments if not a.implicit}
         self.elements = {p.element for p in system.ports}
@@ -85,8 +87,11 @@ class Rates:
         return self._rows[variable]
 
     def _terms(self, assignment: Assignment | None) -> Row | None:
-        if assignment is None or assignment.owner in self.elements or len(assignment.arguments) > MOST:
+        if assignment is None or len(assignment.arguments) > MOST:
             return None
+        if assignment.owner in self.elements:
+            law = None if self._products is None else self._by_products(assignment.expression, self._products, True)
+            return law if law is not None and len(law) > 1 else None
         factors, places = _factors(assignment.formula), assignment.arguments
         if (
             factors is not None
@@ -97,12 +102,61 @@ class Rates:
         moving = [s for s in symbols(assignment.expression) if not self.is_static(s.key)]
         parts = jointly_affine(assignment.expression, moving)
         if parts is None or parts[1] != ZERO:
-            return None
+            return None if self._products is None else self._by_products(assignment.expression, self._products)
         return {symbol.key: slope for symbol, slope in zip(moving, parts[0], strict=True)}
+
+    def _by_products(
+        self, x: Expression, numbers: dict[frozenset[tuple[Expression, float]], int], ends: bool = False
+    ) -> Row | None:
+        """Terms of an expression, each product of what moves a flow with a number beyond those of the variables, and each variable if the sum `ends`."""
+        terms = self._expanded(x)
+        if len(terms) > MOST:
+            return None
+        total: dict[int, list[Expression]] = {}
+        for factor, powers in terms:
+            match [*powers.items()]:
+                case [(Symbol(int(flow)), 1.0)] if not ends:
+                    pass
+                case _:
+                    flow = numbers.setdefault(frozenset(powers.items()), len(self.variables) + len(numbers))
+            total.setdefault(flow, []).append(factor)
+        return {flow: add(*factors) for flow, factors in total.items()}
+
+    def _expanded(self, x: Expression) -> list[tuple[Expression, dict[Expression, float]]]:
+        """Terms of an expression: factors that do not move, and powers of what moves; products of sums are multiplied out."""
+        if all(self.is_static(s.key) for s in symbols(x)):
+            return [(x, {})]
+        match x:
+            case Apply(operator="add", operands=parts):
+                return [term for part in parts for term in self._expanded(part)]
+            case Apply(operator="multiply", operands=parts):
+                terms: list[tuple[Expression, dict[Expression, float]]] = [(ONE, {})]
+                for part in parts:
+                    if len(terms) > MOST:
+                        return [(ONE, {x: 1.0})]
+                    inner = self._expanded(part)
+                    terms = [(multiply(f, g), _joined(a, b, 1.0)) for f, a in terms for g, b in inner]
+                return terms
+            case Apply(operator="divide", operands=(above, below)):
+                match self._expanded(below):
+                    case [(factor, powers)]:
+                        pass
+                    case _:
+                        factor, powers = ONE, {below: 1.0}
+                return [(divide(f, factor), _joined(a, powers, -1.0)) for f, a in self._expanded(above)]
+            case Apply(operator="power", operands=(base, Number(exponent))):
+                return [(ONE, {base: exponent})]
+        return [(ONE, {x: 1.0})]
 
     def is_static(self, variable: int) -> bool:
         """Return True if a variable is computed from parameters alone, and is not on a bond."""
         return variable not in self._moving
+
+
+def _joined(a: Mapping[Expression, float], b: Mapping[Expression, float], sign: float) -> dict[Expression, float]:
+    """Powers of a product, or of a quotient with a negative sign."""
+    powers = {x: a.get(x, 0.0) + sign * b.get(x, 0.0) for x in {**a, **b}}
+    return {x: n for x, n in powers.items() if n}
 
 
 def _moving(variables: Sequence[Variable], assigned: Mapping[int, Assignment], on_bonds: Set[int]) -> set[int]:
@@ -157,7 +211,7 @@ def dependent_rates(system: EquationSystem, states: Sequence[State]) -> dict[int
 
     Only sums of these states, with constant factors, can be conserved for every form of the laws.
     """
-    rates = Rates(system)
+    rates = Rates(system, products=True)
     rows = {place: rates.sum_of(state.rate) for place, state in enumerate(states)}
     users: dict[int, set[int]] = {}
     for place, row in rows.items():

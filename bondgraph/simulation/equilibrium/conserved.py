@@ -14,9 +14,12 @@ import numpy as np
 from compiler.api import Array, EquationSystem, Expression, dependent_rates, evaluate
 
 from ...compiled_scene import CompiledScene
-from ...numerics.scales import nonzero
+from ...numerics.scales import largest_of_group, nonzero
+from ...quantities import listed
 from ..constraints.constraints import Constraints
 from ..segments.timeline import Segment
+from .dense import EquilibriumSearch
+from .search import KEPT, LARGEST, undetermined
 from .steady import unread_states
 
 ROUNDING = 1e-11  # relative to the largest factor: remainder of cancelling factors
@@ -60,6 +63,25 @@ def with_sums_kept(
     size, moved = nonzero(np.abs(own).max(axis=0)), np.array(rest)
     moved[np.flatnonzero(unread)] += np.linalg.lstsq(own / size, sums @ (start - rest)[: len(unread)])[0] / size
     return moved
+
+
+def path_notes(
+    scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment
+) -> tuple[str, ...]:
+    """Return the note on states that are at a rest where a search, and not the motion, has left them: of a family of rests which no sum tells apart."""
+    n, same = constraints.count, (constraints.inputs, constraints.constants, segment.mode)
+    if not n or n > LARGEST or np.array_equal(start[:n], rest[:n]):
+        return ()
+    search, rates = EquilibriumSearch(constraints, segment), constraints.program.derivative(segment.start, start, *same)
+    moves = np.abs(np.asarray(rates, dtype=float)[:n])
+    moves[moves <= KEPT * largest_of_group(moves, search.kind)] = 0.0
+    loose = undetermined(search, np.array(rest), conserved_sums(scene, constraints.parameters))
+    names = [scene.program.states.names[i] for i in np.flatnonzero(loose & (moves > 0))]
+    if not names:
+        return ()
+    return (
+        f"the model has many rests, which differ in {listed(names)}; which of them the motion reaches, a run tells",
+    )
 
 
 def _constants(system: EquationSystem, given: Mapping[str, float]) -> Callable[[int], float]:

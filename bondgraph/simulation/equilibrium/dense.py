@@ -100,7 +100,8 @@ class EquilibriumSearch:
         reach = float((size[directly] / np.abs(slope[directly])).min())
         reach = min(reach, float(np.sqrt(2 * size[later] / moved[later]).min(initial=np.inf)))
         fastest = self.fastest(jacobian)
-        return min(1.0 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
+        # half of it: where the fastest mode grows, an implicit step of just its time has no solution
+        return min(0.5 / fastest, FIRST * reach) if fastest > 0 else FIRST * reach
 
     def fastest(self, jacobian: Array) -> float:
         """Return the largest eigenvalue, in 1/s."""
@@ -287,8 +288,10 @@ class EquilibriumSearch:
         self.refuse_spin(full, slope, jacobian)
         self.largest = self.begun[0]  # what a motion has made large hides nothing that drives it
         terms = np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.begun[2]
-        change = self.correction(slope, jacobian, ROUNDING * terms + BALANCED * self.begun[1])
-        if not np.isfinite(change).all() and not self.cancels(full, slope):
+        noise = ROUNDING * terms + BALANCED * self.begun[1]
+        if (np.abs(slope) > noise).any() and not (
+            np.isfinite(self.correction(slope, jacobian, noise)).all() or self.cancels(full, slope)
+        ):
             raise self.no_rest(slope)
         return full
 

@@ -17,6 +17,7 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import RunFailed
+from ...numerics.scales import nonzero
 from ..constraints.constraints import Constraints
 from ..integrators.linear_algebra.factorise import is_large
 from ..segments.timeline import Segment
@@ -172,8 +173,14 @@ def drifts(search: EquilibriumSearch, rest: Array) -> bool:
     return bool(speeds.any() and (_moving_along(search, rest, False) & speeds).any())
 
 
-def _moving_along(search: EquilibriumSearch, rest: Array, untied: bool) -> Any:
-    """Return a mask (n,) of the states that move along a family of rests; `untied`: of those that no conserved sum tells apart."""
+def undetermined(search: EquilibriumSearch, rest: Array, sums: Array) -> Any:
+    """Return a mask (n,) of the states that move along a family of rests which these sums (k, n), kept by every motion, do not tell apart."""
+    return _moving_along(search, rest, sums)
+
+
+def _moving_along(search: EquilibriumSearch, rest: Array, told: bool | Array) -> Any:
+    """Return a mask (n,) of the states that move along a family of rests: of those that conserved sums do not tell apart, the left null vectors (True) or
+    the rows of a matrix (k, n)."""
     jacobian = search.derivatives_with_terms(rest)
     if jacobian is None:
         return np.zeros(search.count, dtype=bool)
@@ -183,9 +190,12 @@ def _moving_along(search: EquilibriumSearch, rest: Array, untied: bool) -> Any:
     inner, terms = basis.T @ jacobian @ basis, np.abs(basis).T @ search.terms @ np.abs(basis)
     left, right = search.null_spaces(inner * lengths, terms * lengths)
     ways = np.eye(right.shape[1])
-    if untied:
-        sums = left * lengths[:, None]  # of magnitudes, like the directions
-        tied = (sums / np.abs(sums).max(axis=0, initial=0.0)).T @ (right / np.abs(right).max(axis=0, initial=0.0))
+    if told is not False:
+        # of magnitudes, like the directions
+        sums = left * lengths[:, None] if told is True else (told @ basis * lengths).T
+        tied = (sums / nonzero(np.abs(sums).max(axis=0, initial=0.0))).T @ (
+            right / np.abs(right).max(axis=0, initial=0.0)
+        )
         _, sizes, turned = np.linalg.svd(tied)
         ways = turned[int((sizes > KEPT).sum()) :].T
     moves = basis @ (lengths[:, None] * right @ ways)

@@ -151,11 +151,11 @@ class PhaseInitialization:
 
     def _at_rest(self, start: StartOfPhase, horizon: float) -> StartOfPhase:
         """Return the equilibrium reached from a consistent state, with the mode that holds there. Raises `RunFailed`."""
-        from ..equilibrium.conserved import with_sums_kept
+        from ..equilibrium.conserved import path_notes, with_sums_kept
         from ..equilibrium.search import equilibrium
         from ..equilibrium.steady import check_steady, steady_rates
 
-        program, constraints = self.program, self.constraints
+        program, constraints, before = self.program, self.constraints, start.state
         refuse_units(program.hybrid)
         with_sums = partial(with_sums_kept, self.compilation, constraints)
         if program.hybrid is None or self.companion is not None:
@@ -171,7 +171,8 @@ class PhaseInitialization:
         first = start.first
         rates = steady_rates(constraints, first.start, start.state, first.mode)
         check_steady(self.compilation, program, rates)
-        return start
+        notes = path_notes(self.compilation, constraints, before, start.state, first)
+        return replace(start, notes=(*start.notes, *notes)) if notes else start
 
 
 def _check_rest(events: Events, state: Array, rest: Array, mode: Array, assumed: Array) -> None:
