@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from functools import cache, wraps
 from pathlib import Path
-from typing import ParamSpec, TypedDict, TypeVar
+from typing import Any, ParamSpec, TypedDict, TypeVar
 
 from .errors import UsageError
+
+LARGEST = 1 << 1023  # whole numbers below it are doubles
 
 _Arguments = ParamSpec("_Arguments")
 _Found = TypeVar("_Found")
@@ -136,7 +138,10 @@ def _check(call: Callable[..., object], values: Sequence[object], options: Mappi
     for name, value in (*placed.items(), *options.items()):
         if name in placed and name in options:
             raise UsageError("BR698", f"`{call.__name__}` gets `{name}` twice, by its place and by its name")
-        if name in kinds and not _fits(value, kinds[name]):
+        # an array without an axis is a number among settings, and as an option no key of what is kept
+        if name in kinds and (
+            (getattr(value, "shape", None) == () and type(value).__hash__ is None) or not _fits(value, kinds[name])
+        ):
             raise _unfit(call, name, value, kinds)
 
 
@@ -177,9 +182,9 @@ _OPEN = ("Any", "Submitting")  # what has no type of its own
 
 def _fits(value: object, annotation: str) -> bool:
     """Return True if a value is of one of the kinds in an annotation."""
-    kind = type(value)
-    if kind in (float, int) or (kind is str and value):  # most are, and their type alone decides
-        return _example_fits(kind, annotation)
+    kind: type = type(value)
+    if kind is float or (isinstance(value, int) and abs(value) < LARGEST) or (kind is str and value):
+        return _example_fits(kind, annotation)  # most are, and their type alone decides
     return any(_is_of(value, *kind) for kind in _kinds(annotation))
 
 
@@ -199,9 +204,19 @@ def _is_of(value: object, kind: str, parts: tuple[str, ...]) -> bool:
     if kind in ("Sequence", "tuple"):
         listed = isinstance(value, Iterable) and not isinstance(value, Mapping | bytes)
         return listed and (not isinstance(value, Collection) or all(_fits(x, parts[0]) for x in value))
+    if kind == "float" and not _is_number(value):
+        return False
     if kind in _SIMPLE and (trait := _SIMPLE[kind][1]):
         return hasattr(value, trait) and not getattr(value, "shape", ())  # an array of one number is a list
     return kind in _OPEN or any(c.__name__ == kind for c in type(value).__mro__)
+
+
+def _is_number(value: Any) -> bool:
+    """Return True if a value is a real number that a double can hold; an array of one that has no axis, too."""
+    try:
+        return not isinstance(value, complex | str | bytes) and float(value) is not None
+    except (TypeError, ValueError, OverflowError):  # a date of numpy; a whole number of 400 digits
+        return False
 
 
 @cache

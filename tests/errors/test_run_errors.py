@@ -158,6 +158,8 @@ BY_A_TRUTH: list[Callable[[bondgraph.Model], object]] = [
         (lambda m: m.simulate({"a": 2}), "BR699", "`simulate` expects as `experiment` a text, not {'a': 2}; values by name are its `settings={…}`"),
         (lambda m: m.modes(settings="a=2"), "BR699", "`settings` a dict by name whose values are each a text or a number, not 'a=2'; `help(AnalysedModel.modes)`"),
         (lambda m: m.simulate(settings={"a": np.array([2.0])}), "BR699", "whose values are each a text or a number, not {'a': array([2.])}"),
+        (lambda m: m.simulate(settings={"a": 10**400}), "BR699", "a text or a number, not {'a': 1000"), (lambda m: m.simulate(settings={"a": np.complex128(2 + 1j)}), "BR699", "not {'a': np.complex128(2+1j)}"),
+        (lambda m: m.simulate(to=np.timedelta64(3, "s")), "BR699", "`to` a text or a number, not np.timedelta64"), (lambda m: m.simulate(rtol=np.array(1e-6)), "BR699", "`rtol` a number, not array(1.e-06)"),
         (lambda m: m.simulate_many({"a": [1, 2]}), "BR699", "a list whose items are each a dict by name"),
         (lambda m: m.simulate("", {}, 1, 11, None, False, False, 3), "BR696", "takes `experiment`, `settings`, `to`, `points`,"),
         (lambda m: m.sweep(), "BR697", "`sweep` needs `values`, a dict by name"),

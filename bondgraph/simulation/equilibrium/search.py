@@ -178,7 +178,7 @@ def undetermined(search: EquilibriumSearch, rest: Array, sums: Array) -> Any:
     return _moving_along(search, rest, sums)
 
 
-def _moving_along(search: EquilibriumSearch, rest: Array, told: bool | Array) -> Any:
+def _moving_along(search: EquilibriumSearch, rest: Array, apart: bool | Array) -> Any:
     """Return a mask (n,) of the states that move along a family of rests: of those that conserved sums do not tell apart, the left null vectors (True) or
     the rows of a matrix (k, n)."""
     jacobian = search.derivatives_with_terms(rest)
@@ -190,9 +190,9 @@ def _moving_along(search: EquilibriumSearch, rest: Array, told: bool | Array) ->
     inner, terms = basis.T @ jacobian @ basis, np.abs(basis).T @ search.terms @ np.abs(basis)
     left, right = search.null_spaces(inner * lengths, terms * lengths)
     ways = np.eye(right.shape[1])
-    if told is not False:
+    if apart is not False:
         # of magnitudes, like the directions
-        sums = left * lengths[:, None] if told is True else (told @ basis * lengths).T
+        sums = left * lengths[:, None] if apart is True else (apart @ basis * lengths).T
         tied = (sums / nonzero(np.abs(sums).max(axis=0, initial=0.0))).T @ (
             right / np.abs(right).max(axis=0, initial=0.0)
         )
