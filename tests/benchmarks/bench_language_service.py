@@ -71,6 +71,9 @@ def text_of(lines: int) -> str:
     return 'import Damped from "parts.bg"\n\n' + "".join(MODEL.format(n=n) for n in range(1, count + 1)) + main
 
 
+BESIDE = "No server of Modelica or Stan stands beside it: PyPI, npm and Debian have none (the Modelica compiler rumoca of PyPI comes without its server)."
+
+
 def median(action: Callable[[int], object]) -> float:
     """Median CPU time in ms; the first two rounds warm up."""
     times = []
@@ -110,7 +113,7 @@ def main(folder: Path = HERE / "results") -> None:
         rows["hover"] = median(lambda n: hover(workspace, path, rubber + 2))
         rows["colours of the whole file"] = median(lambda n: list(marked_words(workspace, path)))
         head = f"| {text.count(chr(10))} lines, {len(text) // 1000} kB, one import | median |\n|---|---|\n"
-    table = head + "".join(f"| {name} | {value:.1f} ms |\n" for name, value in rows.items())
+    table = head + "".join(f"| {name} | {value:.1f} ms |\n" for name, value in rows.items()) + f"\n{BESIDE}\n"
     (folder / "language_service.md").write_text(table, encoding="utf-8")
     print(table)
 

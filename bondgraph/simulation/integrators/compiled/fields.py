@@ -78,7 +78,7 @@ def room_of(program: Program, method: int, signals: int, bends: int, peaks: int)
     return zeros_of(
         IntegratorWorkspace, n=n, differential=differential, method=method, entry_count=entries, sparse=int(large), root_count=len(conditions),
         root_narrow=int(narrow), bend_count=bends, peak_count=peaks // 2, signal_count=signals, looks=max(len(LOOKS), len(dop853.LOOKS)),
-        stage_room=row.stages, limits=limits, limit_count=limits if program.watched else 0, always=int(program.watched and n > differential),
+        stage_room=7 if row.stages > 3 else 3, limits=limits, limit_count=limits if program.watched else 0, always=int(program.watched and n > differential),
         since_looked=dop853.LOOK_AGAIN,
     ) | {
         "root_strict": np.array([c.strict for c in conditions], dtype=np.int64), "selection": {"slope_count": 0},
