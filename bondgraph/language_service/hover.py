@@ -91,7 +91,7 @@ def _quantity(name: api.DeclaredName, occurrence: api.NameUse, survey: api.FileS
     if value:
         yield value
     elif (unit := author_unit(name.node)) is not None:
-        yield f"in {unit.span.words}"
+        yield "a text" if unit.span.words == "text" else f"in {unit.span.words}"
     if isinstance(name.node, tree.Item) and name.node.value is not None:
         yield f"`{name.name} = {name.node.value.span.words}`"
 

@@ -127,6 +127,14 @@ def test_hover(workspace: Workspace, tmp_path: Path, word: str, words: list[str]
     assert re.fullmatch(r"\w+", TEXT[found.place.start : found.place.end])
 
 
+def test_a_text_is_no_bare_number(workspace: Workspace, tmp_path: Path) -> None:
+    path, _ = opened(
+        workspace, tmp_path, 'model A { parameter file: text "of the road"; output y = column(file, "y") }'
+    )
+    found = hover(workspace, path, 21)
+    assert found is not None and found.text == "**parameter file** — of the road\n\na text"
+
+
 def test_a_storage_in_derivative_form_says_why(workspace: Workspace) -> None:
     path = ROOT / "models/dc_motor.bg"
     workspace.survey(path, True)

@@ -93,3 +93,9 @@ def test_nothing_outside_of_the_project_is_read(folder: Path) -> None:
 def test_a_text_is_no_number(line: str, code: str, words: str) -> None:
     text = f'model A {{ parameter a = "one", n = 2, kind: {{ soft, hard }} = soft\n {line}\n output z = time }}'
     assert words in mistake(text, code).sentence
+
+
+def test_a_part_may_leave_it_open() -> None:
+    law = 'F = k*linear(x, column(file, "x"), column(file, "x"))'
+    text = f"model P {{ port a: translation; parameter file: text, k: N/m = 2; C c : {law}; a -> c }}"
+    assert mistakes(text) == ()

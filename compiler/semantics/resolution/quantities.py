@@ -219,6 +219,7 @@ class QuantityResolver(MemoryResolver):
         if text:
             if pending.value is None and override is None:
                 self._without_value(pending, ONE)
+                del self.quantities[pending.name]  # of a part: a text is none
                 raise AlreadyTold
             return text_of(self, pending, override)
         unit = scale_of(item.unit) if item.unit is not None else None
