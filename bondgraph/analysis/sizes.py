@@ -29,7 +29,8 @@ def sizes(program: Program, parameters: Array, state: Array, rates: Array, jacob
     values, typical = largest_of_group(np.abs(state), units), of_parameters(program, parameters)
     certain = np.where(typical > 0, np.where(values > ROUNDING * typical, values, typical), 0.0)
     expected = reach(jacobian, certain, count, units)
-    values = reach(jacobian, np.where(values > ROUNDING * expected, values, expected), count, units)
+    sure = np.where(values > ROUNDING * expected, values, expected)
+    values = expected if (sure == certain).all() else reach(jacobian, sure, count, units)
     if not (values > 0).all():  # before anything has moved, rates tell how far it will
         slopes = np.abs(jacobian[:count])
         driven = np.where(np.abs(rates) > RESTING * (slopes @ values), np.abs(rates), 0.0) / (
@@ -77,9 +78,11 @@ def of_parameters(program: Program, parameters: Array) -> Any:
 def reach(jacobian: Array, values: Array, count: int, units: IntArray) -> Any:
     """Return sizes (n + m,) with those that are zero from the others: what these do to a rate within the time of the fastest mode, or to the residual of an
     unknown. The first `count` rows are those of states."""
+    if (values > 0).all() or not values.any():
+        return values
     slopes = np.abs(np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0))
     own = np.where(np.arange(len(slopes)) < count, _fastest(slopes[:count, :count]), np.diag(slopes))
-    for _ in values if not (values > 0).all() else ():
+    for _ in values:
         with np.errstate(all="ignore"):
             further = slopes @ values / own
         further = largest_of_group(np.where((values > 0) | ~np.isfinite(further), values, further), units)

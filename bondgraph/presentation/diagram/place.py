@@ -49,7 +49,7 @@ class _Web:
     nodes: list[DiagramNode]
     stubs: dict[tuple[int, int], int]  # closing line, its end -> stub
     names: dict[int, int]  # signal -> node of its name
-    known: Parts | None  # those of trees of these nodes, unless they take too much memory
+    parts: Parts | None  # those of trees of these nodes, unless they take too much memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ def _turned(model: DiagramModel, tree: _Tree) -> _Tree:
 def _block(
     model: DiagramModel, web: _Web, branches: Mapping[int, Sequence[TreeBranch]], root: int, roomy: float = 0.0
 ) -> Block:
-    return grow_tree(web.nodes, model.lines, branches, root, roomy, web.known)
+    return grow_tree(web.nodes, model.lines, branches, root, roomy, web.parts)
 
 
 def _towards(start: Point, end: Point) -> tuple[Vector, ...]:

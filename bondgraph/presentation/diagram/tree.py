@@ -45,11 +45,11 @@ def grow_tree(
     branches: Mapping[int, Sequence[TreeBranch]],
     root: int,
     roomy: float = 0.0,
-    known: Parts | None = None,
+    earlier: Parts | None = None,
 ) -> Block:
     """Return the positions of all descendants of a root, which is at the origin.
 
-    `known`: completed parts of earlier trees of the same nodes and lines, to which those of this tree are added.
+    `earlier`: completed parts of trees of the same nodes and lines, to which those of this tree are added.
     """
     order = [root]
     for node in order:
@@ -58,13 +58,13 @@ def grow_tree(
     numbers = dict[int, int]()
     for node in reversed(order[1:]):
         key = (node, roomy, *((b, numbers[b.child]) for b in branches[node]))
-        numbers[node], part = (known or {}).get(key) or (len(known or ()), {})
+        numbers[node], part = (earlier or {}).get(key) or (len(earlier or ()), {})
         tree.finished[node] = part
         if not part:
             part |= {along: _grow(tree, node, along) for along in SIDES}
             part |= {along: _slanted(tree, node, along) for along in (*CORNERS, *BETWEEN)}
-        if known is not None:
-            known[key] = numbers[node], part
+        if earlier is not None:
+            earlier[key] = numbers[node], part
         for branch in branches[node]:
             del tree.finished[branch.child]
     return _grow(tree, root, None)

@@ -50,7 +50,7 @@ class EquilibriumSearch:
         # magnitudes, rates and terms of loop unknowns of the start, (n,) each, if there is a search
         self.begun: Any = None
         self.drag: Any = np.zeros(self.count)  # 1/s, on speeds
-        self.known: tuple[Any, float] = (None, 0.0)  # derivatives, and their largest eigenvalue
+        self.largest_rate: tuple[Any, float] = (None, 0.0)  # derivatives, and their largest eigenvalue
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
 
     def group(self, units: Sequence[str]) -> None:
@@ -105,9 +105,9 @@ class EquilibriumSearch:
 
     def fastest(self, jacobian: Array) -> float:
         """Return the largest eigenvalue, in 1/s."""
-        if jacobian is not self.known[0]:
-            self.known = jacobian, float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
-        return self.known[1]
+        if jacobian is not self.largest_rate[0]:
+            self.largest_rate = jacobian, float(np.abs(np.linalg.eigvals(jacobian)).max(initial=0.0))
+        return self.largest_rate[1]
 
     def scale(self, change: Array) -> Any:
         """Return magnitudes of the states, as far as they are known: states of one unit share the largest."""
