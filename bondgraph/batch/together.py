@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, uncollected
+from compiler.api import SOLVERS, Array, uncollected
 
 from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
@@ -21,7 +21,7 @@ from ..results.checkpoint import Checkpoint
 from ..results.later import later
 from ..results.records import LimitLeft
 from ..results.result import Result
-from ..simulation.integrators.exponential import RunsPart
+from ..simulation.integrators.exponential import RunsPart, intervals, linear_form, march
 from ..simulation.phases.cancellation import (
     EXACT,
     Places,
@@ -33,12 +33,11 @@ from ..simulation.phases.cancellation import (
 from ..simulation.run_options import RunRequest
 from ..simulation.segments.timeline import mode_after
 from ..simulation.settings import Settings, SettledPoints, settle_all
-from .exact import exact_trajectories
 from .pilot import batch_magnitudes
 from .runs import BatchCourse, Runs, grouped
 from .scope import BatchScene, batch_scene
 from .steps import BatchIntegrator
-from .trajectories import BatchTrajectories
+from .trajectories import BatchTrajectories, goes_on
 
 FEWEST = 3  # runs of a group; fewer take longer together than alone
 MOST_NUMBERS = 8_000_000  # in states and outputs of runs that are stepped at once
@@ -171,3 +170,37 @@ def _result(
         int(trajectories.steps[row]), {kind: count for kind, count in counts if count}, scene.options.rtol, time, None, later(both[0]),
         compiled_scene.certificate, course.notes, (), "", later(both[1]),
     )  # fmt: skip
+
+
+def exact_trajectories(scene: BatchScene, runs: Runs, course: BatchCourse) -> BatchTrajectories | None:
+    """Return the trajectories of linear runs with equal segments; None if they cannot be found this way. Raises `RunsPart`."""
+    instants, x, count = scene.instants, runs.state, len(runs)
+    states = np.empty((count, len(instants), x.shape[1]))
+    sound, shared = np.ones(count, dtype=bool), dict[tuple[bytes, bytes], tuple[Any, Any, Any]]()
+    position = steps = exponentials = 0
+    before = None
+    for stretch in course.segments:
+        if before is not None:
+            sound &= goes_on(scene, runs, x, before, stretch)
+        passed = max(position, int(np.searchsorted(instants, stretch.start, "right")))
+        states[:, position:passed] = x[:, None]
+        form = linear_form(scene.program, scene.inputs, runs.constants, stretch, scene.whole)
+        if form is None:
+            return None
+        form.share(shared)
+        exponentials -= len(form.known)
+        cut = intervals(form, instants[passed:], np.inf)
+        way = None if cut is None else march(form, cut, x)
+        if cut is None or way is None:
+            return None
+        ends = way[1:][cut.reported][:-1]
+        position = passed + len(ends)
+        states[:, passed:position] = ends.swapaxes(0, 1)
+        steps += len(cut.starts)
+        exponentials += len(form.known)
+        x, before = way[-1], stretch
+    states[:, position:] = x[:, None]
+    evaluations, solvers = {"exponential": np.full(count, exponentials)}, [SOLVERS["exponential"].name] * count
+    return BatchTrajectories(
+        states, sound, np.full(count, steps), evaluations, solvers, scene.state_selection(runs.constants)
+    )

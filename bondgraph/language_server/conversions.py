@@ -88,7 +88,6 @@ class Lines:
 
 @lru_cache(64)
 def lines_of(text: str, encoding: str) -> Lines:
-    """The lines of a text."""
     starts = [0]
     at = text.find("\n")
     while at >= 0:

@@ -92,7 +92,6 @@ def read_columns(file: str, units: Mapping[str, str], others: bool = False) -> d
 
 
 def _name_and_unit(head: str) -> tuple[str, str | None]:
-    """Return the name of a heading, and its unit if there is one."""
     match = _HEAD.fullmatch(head)
     return (match[1], match[2]) if match is not None else (head, None)
 

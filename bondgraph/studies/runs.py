@@ -30,7 +30,6 @@ class RunStudy:
         return self.run
 
     def of_run(self, point: Mapping[str, str | float], run: Result) -> Result:
-        """Return the run as it is."""
         return run
 
 

@@ -5,13 +5,12 @@ Every target writes and binds what stands here; a function without a row exists 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from ..algebra.expression import Expression, Number, add, multiply
+from ..algebra.expression import Apply, Expression, Number, add, call, multiply, never_negative
 from ..fast_dataclass import dataclass
 from .events import LoweredEvents
 from .lowered import Lowered
-from .poles import poles
 
 FIXED, FULL = "constants", "time, state, inputs, constants, mode"
 Results = Sequence[Expression]
@@ -133,3 +132,22 @@ def functions_of(lowered: Lowered) -> Iterator[tuple[ProgramFunction, Results]]:
         results = row.results(lowered)
         if results is not None:
             yield row, results
+
+
+def poles(residuals: Iterable[Expression], moves: Callable[[Expression], bool]) -> tuple[Expression, ...]:
+    """Return what residuals divide by that moves and may change its sign, except where a condition decides: the author may divide by no zero there."""
+    found, seen, waiting = dict[Expression, None](), set[Expression](), list(residuals)
+    while waiting:
+        node = waiting.pop()
+        if node in seen or not isinstance(node, Apply) or node.operator == "select" or not moves(node):
+            continue
+        seen.add(node)
+        waiting += node.operands
+        match node:
+            case Apply(operator="divide", operands=(_, below)):
+                found[below] = None
+            case Apply(operator="power", operands=(below, Number(value=n))) if n < 0 and n % 2 == 1:
+                found[below] = None
+            case Apply(operator="tan", operands=(x,)):
+                found[call("cos", x)] = None
+    return tuple(x for x in found if moves(x) and not never_negative(x))

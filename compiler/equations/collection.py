@@ -133,7 +133,6 @@ class EquationCollection:
         return found.value if found.role == "parameter" else None
 
     def unit_of(self, variable: int) -> str:
-        """Return the unit of a variable."""
         return self.variables[self.root(variable)].unit
 
     def smoothly(self, target: int) -> None:

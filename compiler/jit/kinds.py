@@ -88,7 +88,6 @@ _KNOWN: dict[type, Fields] = {}
 
 
 def record_of(noun: type) -> Fields:
-    """Type of a record."""
     if noun not in _KNOWN:
         home = vars(sys.modules[noun.__module__])
         _KNOWN[noun] = Fields(noun.__name__, {n: kind_of(a, home) for n, a in noun.__annotations__.items()})

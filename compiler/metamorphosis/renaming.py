@@ -31,7 +31,6 @@ class NamedText:
 
 
 def parsed(text: str) -> Statements:
-    """The statements of a text."""
     return _tree(text).statements
 
 

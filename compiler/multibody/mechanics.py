@@ -80,7 +80,6 @@ class Mechanics:
         self.closure = Closure(self.kinematics, self.recursion, self.efforts, self.result, self.used)
 
     def write(self) -> MechanismEquations:
-        """Write all equations."""
         self._ports()
         self.closure.begin()
         if self.result.diagnostics:

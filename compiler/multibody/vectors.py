@@ -14,7 +14,6 @@ UNIT: Matrix = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
 
 
 def matrix_of(rows: Sequence[Sequence[Expression]]) -> Matrix:
-    """Matrix from its rows."""
     a, b, c = ((row[0], row[1], row[2]) for row in rows)
     return a, b, c
 
@@ -60,7 +59,6 @@ def applied(m: Matrix, v: Vector) -> Vector:
 
 
 def transposed(m: Matrix) -> Matrix:
-    """Transposed matrix."""
     return tuple(zip(*m, strict=True))  # type: ignore[return-value]
 
 

@@ -284,7 +284,9 @@ def test_a_model_without_states_stays_on_its_branch(case: int) -> None:
     equations, branch = FOLLOWED[case]
     model = bondgraph.load(f"plain model A {{\n  {equations}\n  output a = z\n}}\n")
     for points in (2, 24):
-        found = model.simulate(to=3.9 if "when" in equations or "sqrt" in equations else 10, points=points, target="numpy")
+        found = model.simulate(
+            to=3.9 if "when" in equations or "sqrt" in equations else 10, points=points, target="numpy"
+        )
         assert found["a"] == pytest.approx(branch(found.time), rel=1e-9, abs=1e-9)
 
 

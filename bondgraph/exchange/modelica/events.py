@@ -66,7 +66,6 @@ class EventFinder:
         return reached
 
     def result(self) -> EventClauses:
-        """Return the events."""
         whens = self.form.whens
         if len(whens) > MAXIMUM_WHENS:
             self.model.refuse(

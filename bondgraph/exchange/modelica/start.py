@@ -81,7 +81,6 @@ class StartEvaluator:
             starts.terms[name] = starts.terms[name] if value is None else TRUE if value else FALSE
 
     def value(self, term: Term, depth: int = 0) -> float | None:
-        """Return the value of a term."""
         if term.kind == "name" or is_call(term, "pre"):
             name = term.word if term.kind == "name" else term.parts[0].word
             if name not in self.values:

@@ -61,7 +61,6 @@ def is_call(term: Term, *functions: str) -> bool:
 
 
 def walk(term: Term) -> Iterator[Term]:
-    """Yield a term and all within it."""
     stack = [term]
     while stack:
         item = stack.pop()

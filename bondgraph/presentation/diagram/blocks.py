@@ -93,7 +93,6 @@ class Growth:
         return self.finished[branch.child][side]
 
     def child(self, branch: TreeBranch) -> DiagramNode:
-        """Return the node of a branch."""
         return self.nodes[branch.child]
 
 

@@ -74,7 +74,6 @@ class PageModel:
 
 
 def run_data(watched: PageModel, experiment: str | None, result: Result) -> dict[str, Any]:
-    """Return a run as data."""
     outputs = set(watched.outputs(experiment))
     shown = [(item, values) for item, values in result.shown() if item.name in outputs]
     plotted = thinned(len(result.time), POINTS)

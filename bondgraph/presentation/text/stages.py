@@ -11,7 +11,6 @@ from .tables import end_name, visible
 
 
 def stage_text(compilation: Compilation, stage: str) -> str:
-    """Return the text of one stage."""
     writers: dict[str, Callable[[Compilation], Iterable[str]]] = {
         "syntax": _syntax, "graph": _graph, "causality": _causality, "equations": _equations, "reduction": _reduction,
         "state_equations": lambda c: [c.state_equations], "code": lambda c: [c.program.source], "text": lambda c: [write_text(c.whole_graph).rstrip()],

@@ -165,7 +165,6 @@ def _determined(loops: LoopSolver, made: CompiledScene, full: Array, at: Any) ->
 
 
 def in_words(program: Program, solutions: Array, differ: IntArray) -> list[str]:
-    """Return solutions in words."""
     names, units = program.unknowns.names, program.unknowns.units
     lines = [
         ", ".join(f"`{names[i]}` = {z[i]:.6g}{behind(units[i])}" for i in differ[:SHOWN]) for z in solutions[:SHOWN]

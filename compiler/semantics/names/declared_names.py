@@ -92,7 +92,6 @@ def declared_by(
 
 
 def model_name(definition: ModelDefinition) -> DeclaredName:
-    """The name of a model."""
     model = definition.model
     name = declared_by(model, (), "model", "", first_text(model.statements))
     return replace(name, span=model.name_span)
@@ -148,7 +147,6 @@ def _kind_of(declaration: tree.Declaration, owner: tuple[str, ...]) -> str:
 
 
 def members_of(defined: tree.ParameterSet) -> NameTable:
-    """Names of the members of a set of parameters."""
     return {i.name: declared_by(i, (defined.name,), "member", "", i.description) for i in defined.items}
 
 
@@ -162,7 +160,6 @@ def ports_of(element: DeclaredName) -> NameTable:
 
 
 def arguments_of(function: tree.FunctionSyntax, owner: tuple[str, ...]) -> NameTable:
-    """Names of the arguments of a function."""
     path, source = path_of(function.span), function.span.source
     names: dict[str, DeclaredName] = {}
     after = function.span.start + len(function.name)

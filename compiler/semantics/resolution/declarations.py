@@ -228,7 +228,6 @@ class Declarations(ParameterSets):
 
     @staticmethod
     def round_scope(scope: Scope, name: str, number: int) -> Scope:
-        """The scope of one round."""
         inner = Scope(scope.definition, scope.path, f"{scope.suffix}[{number}]", scope)
         inner.entries[name] = Scalar(float(number), ONE, "index", name)
         return inner

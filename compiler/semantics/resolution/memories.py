@@ -211,7 +211,6 @@ class MemoryResolver(Resolver):
         self.quantities[integral.name] = Named(integral.name, "signal", unit, None, None, integral.span)
 
     def is_integral(self, name: str) -> bool:
-        """Return True for an integral."""
         return name in self._remembered or any(name == known for known, *_ in self._memories)
 
     def integrals(self) -> dict[str, Integral]:
@@ -281,5 +280,4 @@ class MemoryResolver(Resolver):
 
 
 def constant(value: float) -> Formula:
-    """Formula of a number."""
     return Formula(0, Number(value))
