@@ -14,6 +14,7 @@ from ...simulation.integrators.projection.projection import (
     NormalEquations,
     apply_correction,
     factorise_normal,
+    measure_rows,
     project,
     put_multipliers,
     solve_normal,
@@ -80,6 +81,8 @@ def complete(s: FmuInstance) -> int:
         for i in range(q.positions.rows):
             if not abs(q.values[q.positions.invariant[i]]) <= CLOSED * q.positions.size[i]:
                 return refused(s, OPEN)
+        if w.redundant != 0 and lets_go(s, time):
+            return refused(s, SINGULAR)
         if q.multipliers > 0:
             put_multipliers(q, time, s.full)
             for i in range(w.n):
@@ -98,6 +101,22 @@ def complete(s: FmuInstance) -> int:
             s.state[k.places[i]] = k.z[i]
     s.full_known = 1
     return OK
+
+
+def lets_go(s: FmuInstance, time: float) -> bool:
+    """Return True if a constraint that follows from the others at the start no longer does."""
+    w = s.solver
+    q = w.closed
+    q.invariant_slopes(time, s.full, w.inputs, w.constants, w.mode, q.slopes)
+    factorise_normal(q.positions, q.slopes, q.magnitude)
+    measure_rows(q.positions)
+    smallest = q.positions.size[0]
+    for i in range(q.positions.rows):
+        smallest = min(smallest, q.positions.size[i])
+    widest = 0.0
+    for i in range(q.gaps):
+        widest = max(widest, abs(q.values[i]))
+    return widest > CLOSE * smallest
 
 
 def refresh(s: FmuInstance) -> None:
