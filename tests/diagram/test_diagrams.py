@@ -367,3 +367,13 @@ def test_junctions_that_are_off_are_drawn_with_all_their_bonds() -> None:
         ("between", "k"): "tail", ("1(load)", "short"): "tail",
     }  # fmt: skip
     assert {pair: stroke for pair, stroke in ends.items() if {*pair} & {*off}} == wanted
+
+
+def test_a_box_with_a_junction_that_is_off_has_its_ports() -> None:
+    part = "model Part { port a: electric, b: electric; mode on = false; when time > 1 s { on = true }; 1 line : electric { active = on }; a -> line -> b }"
+    text = f"{part}\nmodel A {{ Part part; Se s : u = 1 V; C c : u = q/1 [mF]; s -> part.a; part.b -> 0(c); output u = c.u }}"
+    model = diagram_model_of(bondgraph.load(text, "A").compilation(), closed=True)
+    names = [n.name for n in model.nodes]
+    assert sorted(names) == ["0(c)", "c", "part", "s"]
+    ends = {(names[line.tail], names[line.head]): line.ports for line in model.lines}
+    assert ends[("s", "part")] == ("", "a") and ends[("part", "0(c)")] == ("b", "")

@@ -232,10 +232,7 @@ def _lines(causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[DiagramNo
         if tail != head:
             whole = "" if _bundled(nodes[tail], nodes[head], graph, number) else str(number)
             alike[tail, head, causal.effort_from[number], whole].append(number)
-    doors: dict[int, str] = {}
-    for (port, _), crossing in graph.walls.items():  # those of the bonds that are drawn
-        if port.count(".") == 1:
-            doors.setdefault(crossing, port.partition(".")[2])
+    doors = _doors(graph)
     for (tail, head, effort_from, _), bonds in alike.items():
         ports = tuple(
             _stem([_port(graph, b, side, nodes[number], doors) for b in bonds])
@@ -251,6 +248,15 @@ def _lines(causal: CausalGraph, of: Mapping[int, int], nodes: Sequence[DiagramNo
         )
 
 
+def _doors(graph: BondGraph) -> dict[int, str]:
+    """Return the ports of the instances that bonds pass through, by the numbers of the bonds."""
+    doors: dict[int, str] = {}
+    for (port, _), crossing in graph.walls.items():  # those of the bonds that are drawn
+        if port.count(".") == 1:
+            doors.setdefault(crossing, port.partition(".")[2])
+    return doors
+
+
 def _idle_lines(
     compilation: Compilation,
     switched: OffJunctions,
@@ -261,6 +267,7 @@ def _idle_lines(
     """Yield the bonds of junctions that are off whose sources are left out, as they give nothing. Such a junction gives the flow, one of kind 0 the effort."""
     whole, graph = compilation.whole_graph, compilation.causal.graph
     numbers = {node.name: of[number] for number, node in enumerate(graph.nodes)}
+    doors = _doors(whole)
     for number, sources in switched.items():
         for index, source in zip(whole.incident[number], sources, strict=True):
             bond = whole.bonds[index]
@@ -270,7 +277,7 @@ def _idle_lines(
                 continue
             outwards = bond.tail.node == number
             tail, head = (places[number], far)[:: 1 if outwards else -1]
-            ports = tuple(_port(whole, index, side, nodes[n], {}) for side, n in enumerate((tail, head)))
+            ports = tuple(_port(whole, index, side, nodes[n], doors) for side, n in enumerate((tail, head)))
             stroke = TAIL if outwards is (whole.nodes[number].kind is Kind.ONE) else HEAD
             yield DiagramLine((), tail, head, (ports[0], ports[1]), stroke, bond.domain, bond.span.file_and_line)
 
