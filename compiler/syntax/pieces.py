@@ -51,15 +51,16 @@ def cut(text: str) -> list[str]:
 def read_piece(name: str, path: Path | None, text: str) -> Piece:
     """Parse a piece as far as possible: lines with errors are left out, and braces that are open at its end are closed there."""
     sources = [Source(name, text, path)]
-    tree, mistakes = parse_what_can_be_read(sources[0])
+    tree, latest = parse_what_can_be_read(sources[0])
+    mistakes = [*latest]
     for _ in range(MOST_REPAIRS):
-        repaired = None if tree is not None else _repaired(sources[-1], mistakes)
+        repaired = None if tree is not None else _repaired(sources[-1], latest)
         if repaired is None:
             break
         sources.append(Source(name, repaired, path))
-        tree, more = parse_what_can_be_read(sources[-1])
+        tree, latest = parse_what_can_be_read(sources[-1])
         lines = {m.span.line for m in mistakes}
-        mistakes += [m for m in more if m.span.line not in lines and m.span.start < len(text)]
+        mistakes += [m for m in latest if m.span.line not in lines and m.span.start < len(text)]
     head = _MODEL.match(text)
     statements = () if tree is None else tree.statements
     return Piece(text, tuple(sources), head[1] if head else "", statements, tuple(mistakes), words_of(text))
@@ -69,7 +70,7 @@ def _repaired(source: Source, mistakes: Sequence[Diagnostic]) -> str | None:
     """Return the text with its open braces closed; else without the line before its last mistake, which may have been half-typed."""
     missing = _open_braces(source.text)
     if missing > 0:
-        return f"{source.text}\n{'}' * missing}"
+        return source.text + "\n}" * missing
     number = mistakes[-1].span.line - 1 if mistakes else 0
     while number > 0 and not source.line(number).split("#")[0].strip():
         number -= 1
@@ -79,7 +80,7 @@ def _repaired(source: Source, mistakes: Sequence[Diagnostic]) -> str | None:
     text = source.text[:start] + " " * len(line) + source.text[start + len(line) :]
     added = -_open_braces(text)  # braces that were put behind the text for one that is in this line
     if added > 0:
-        return text[:-added] if text.endswith(f"\n{'}' * added}") else None
+        return text[: -2 * added] if text.endswith("\n}" * added) else None
     return text
 
 

@@ -472,3 +472,16 @@ def test_words_that_hold_in_one_place(workspace: Workspace, tmp_path: Path) -> N
     for word, words in (("stop", "Ends the run"), ("offset", "later"), ("parameters", "Named values")):
         answer = hover(workspace, path, text.index(word) + 1)
         assert answer is not None and words in answer.text
+
+
+@pytest.mark.parametrize("line", ["weight -> ", "weight -> top, ", "output y = ", "C spring : F = ", "signal s = 2*", "weight -> 0(", "experiment e { report "])  # fmt: skip
+def test_completion_before_any_brace_is_closed(tmp_path: Path, line: str) -> None:
+    """A model that is written from nothing has no end yet, and its last line is half-typed."""
+    head = "model Car {\n  parameter g = 9.81 [m/s^2]\n  Se weight : F = -3 kg*g\n  I body : p = 3 kg*v\n  1 top\n  "
+    workspace, path = Workspace(), tmp_path / "car.bg"
+
+    def offered(end: str) -> list[str]:
+        workspace.open(path, head + line + end)
+        return [item.label for item in completion(workspace, path, len(head + line))]
+
+    assert offered("") == offered("\n") == offered("\n}" * (1 + line.count("{"))) and {"body", "top"} <= {*offered("")}
