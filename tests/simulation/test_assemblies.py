@@ -37,7 +37,7 @@ def test_random_linkages_start_on_the_branch_that_is_drawn(name: str) -> None:
             assert found[output][0] == pytest.approx(value, rel=EXACT, abs=EXACT), case.settings
 
 
-@pytest.mark.parametrize(("name", "rates"), [("slider-crank", "a 3"), ("four-bar", "a -2"), ("five-bar", "a 5,d -7"), ("Stephenson", "a 4"), ("RSSR", "a 3")])  # fmt: skip
+@pytest.mark.parametrize(("name", "rates"), [("slider-crank", "a 3"), ("four-bar", "a -2"), ("five-bar", "a 5,d -7"), pytest.param("Stephenson", "a 4", marks=pytest.mark.machine_code), pytest.param("RSSR", "a 3", marks=pytest.mark.machine_code)])  # fmt: skip
 def test_a_pose_is_the_same_with_a_start_of_rates(name: str, rates: str) -> None:
     linkage, rng = LINKAGES[name], np.random.default_rng(11)
     still, moving = bondgraph.load(linkage.text()), bondgraph.load(linkage.text(rates))
@@ -73,7 +73,10 @@ def swing(crank: float) -> float:
 
 
 @pytest.mark.few(6)
-@pytest.mark.parametrize("crank", [60, 120, 150, 180, -120, -150, 179.99, 359, 400, -790, 1e-6, -1])
+@pytest.mark.parametrize(
+    "crank",
+    [60, 120, 150, 180, -120, -150, 179.99, 359, pytest.param(400, marks=pytest.mark.machine_code), -790, 1e-6, -1],
+)
 def test_the_crank_of_the_gallery_s_four_bar(crank: float) -> None:
     text = (MODELS / "four_bar.bg").read_text(encoding="utf-8")
     text = text.replace(
@@ -206,7 +209,7 @@ def test_rates_that_no_pose_allows_are_refused() -> None:
         bondgraph.load(text).simulate("go", places, target="numpy")
 
 
-@pytest.mark.parametrize(("rate", "length"), [(1e-17, 1e-6), (1e12, 1.0)])
+@pytest.mark.parametrize(("rate", "length"), [(1e-17, 1e-6), pytest.param(1e12, 1.0, marks=pytest.mark.machine_code)])
 def test_rates_have_no_size_of_their_own(rate: float, length: float) -> None:
     """Contradictions are refused, and what follows follows, however slow or fast: of a loop, and of a pendulum beside it."""
     places = {k: length * v for k, v in {"Ax": 0, "Ay": 0, "Bx": 0.1, "By": 0.3, "Cx": 0.8, "Cy": 0.9, "Dx": 1.1, "Dy": 0}.items()}  # fmt: skip
