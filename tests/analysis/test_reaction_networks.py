@@ -7,6 +7,7 @@ import math
 import pytest
 
 import bondgraph
+from bondgraph.errors import RunFailed
 from tests.compiling import MODELS
 
 
@@ -92,6 +93,13 @@ def test_rates_that_are_rounding_need_no_correction() -> None:
     found = rest(rates, {"a": 0.43, "b": 0, "c": 0, "d": 1.92, "e": 1.36})
     assert found["at_d"] / found["at_a"] == pytest.approx(1.223 / 0.867, rel=1e-9)
     assert found["at_a"] + found["at_d"] + found["at_e"] == pytest.approx(0.43 + 1.92 + 1.36, rel=1e-9)
+
+
+def test_a_rest_is_not_far_beyond_what_there_was() -> None:
+    """All rates vanish with the square of d, and b, which a vanished amount reads, was at -3e31."""
+    rates = {"a": "4.102*d*d - 0.856*a", "b": "0.216*a", "d": "1.28*a - 8.204*d*d", "e": "-2.434*b*e"}
+    with pytest.raises(RunFailed, match=r"has left the sum of .*`b`"):
+        rest(rates, {"a": 0, "b": 0, "d": 1.64, "e": 1.56})
 
 
 def test_laws_of_elements_tell_what_stays() -> None:

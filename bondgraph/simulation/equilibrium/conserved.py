@@ -14,7 +14,8 @@ import numpy as np
 from compiler.api import Array, EquationSystem, Expression, dependent_rates, evaluate
 
 from ...compiled_scene import CompiledScene
-from ...numerics.scales import largest_of_group, nonzero
+from ...errors import RunFailed
+from ...numerics.scales import group_numbers, largest_of_group, nonzero
 from ...quantities import listed
 from ..constraints.constraints import Constraints
 from ..segments.timeline import Segment
@@ -54,14 +55,20 @@ def conserved_sums(scene: CompiledScene, parameters: Array) -> Array:
 def with_sums_kept(
     scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment
 ) -> Array:
-    """Return a rest with the states that nothing reads where the sums that they are part of have the values of the start."""
+    """Return a rest with the states that nothing reads where the sums that they are part of have the values of the start. Raises `RunFailed` if a sum of
+    others has lost more than there was."""
     unread = unread_states(constraints, segment.start, rest, segment.mode)
-    sums = conserved_sums(scene, constraints.parameters) if unread.any() else np.zeros((0, len(unread)))
-    own = sums[:, unread]
-    if not own.any():
-        return rest
-    size, moved = nonzero(np.abs(own).max(axis=0)), np.array(rest)
-    moved[np.flatnonzero(unread)] += np.linalg.lstsq(own / size, sums @ (start - rest)[: len(unread)])[0] / size
+    sums, n, program = conserved_sums(scene, constraints.parameters), len(unread), scene.program
+    own, moved = sums[:, unread], np.array(rest)
+    if own.any():
+        size = nonzero(np.abs(own).max(axis=0))
+        moved[np.flatnonzero(unread)] += np.linalg.lstsq(own / size, sums @ (start - rest)[:n])[0] / size
+    there = np.abs(sums) @ largest_of_group(np.abs(start[:n]), group_numbers(program.states.units))
+    for row in np.flatnonzero((np.abs(sums @ (moved - start)[:n]) > there) & (there > 0)).tolist():
+        names = [program.states.names[i] for i in np.flatnonzero(np.abs(sums[row]) > KEPT)]
+        raise RunFailed(
+            "BR750", f"no equilibrium was found: the search has left the sum of {listed(names)}, which every motion keeps; a run finds where it ends"
+        )  # fmt: skip
     return moved
 
 
@@ -75,6 +82,7 @@ def path_notes(
     search, rates = EquilibriumSearch(constraints, segment), constraints.program.derivative(segment.start, start, *same)
     moves = np.abs(np.asarray(rates, dtype=float)[:n])
     moves[moves <= KEPT * largest_of_group(moves, search.kind)] = 0.0
+    moves += np.abs(rest - start)[:n] > KEPT * np.abs(rest)[:n]
     loose = undetermined(search, np.array(rest), conserved_sums(scene, constraints.parameters))
     names = [scene.program.states.names[i] for i in np.flatnonzero(loose & (moves > 0))]
     if not names:
