@@ -17,7 +17,7 @@ from .codegen.lower import lower, moving
 from .codegen.lowered import Lowered
 from .codegen.program import Program
 from .codegen.zero_divisors import zero_divisors
-from .equations import EquationSystem, derive_equations, notes
+from .equations import EquationSystem, notes
 from .equations.companion import companion, companion_inputs
 from .equations.fields import field_checks
 from .equations.products import integrands
@@ -30,7 +30,7 @@ from .graph.run_time_parameters import over_arguments
 from .graph.switch import decided, off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
 from .part import part_alone
-from .pipeline import Request, derive
+from .pipeline import Request, derive, equations_of, is_steep
 from .reduction import (
     Certificate,
     LinearLoops,
@@ -224,7 +224,7 @@ class Compilation:
 
     @property
     def _request(self) -> Request:
-        return Request(self.zeros, self._free, self._changed, self.everything, self.scene.opened)
+        return Request(self.zeros, self._free, self._changed, self.everything, self.scene.opened, self.scene.steep)
 
     @property
     def _changed(self) -> frozenset[str]:
@@ -239,7 +239,7 @@ class Compilation:
     @cached_property
     def equations(self) -> EquationSystem:
         with self._instances():
-            return derive_equations(self.causal, self.zeros, self._free, self._changed)
+            return equations_of(self.causal, self._request)
 
     @property
     def state_space(self) -> StateSpace:
@@ -397,19 +397,19 @@ class Compilation:
         space = self.state_space
         places = {v: i for i, v in enumerate(moving(space))}
         shown = {name: places[v] for name, v in space.outputs.items() if v in places}
-        kinds = [(n.name, n.kind.value) for n in self.graph.nodes]
-        mechanisms = tuple(name for name, kind in kinds if kind == "multibody")
-        storages = tuple(name for name, kind in kinds if kind in ("C", "I"))
+        mechanisms = tuple(n.name for n in self.graph.nodes if n.kind.value == "multibody")
+        storages = tuple(n.name for n in self.graph.nodes if n.kind.value in ("C", "I"))
         quantities = self.whole_graph.quantities
         units = {name: quantities[name].unit for name in sorted(self.later)}
         positive = tuple((words, over_arguments(bound, quantities)) for words, bound in self._built.positive)
         looped = frozenset() if not self.later else behind_loops(self.whole_space) & self.later
         unknown = {u.variable: i for i, u in enumerate(space.unknowns)}
         laws = tuple((unknown[w.row], unknown[w.argument], unknown[w.value], w.effort) for w in space.laws)
+        written = replace(self, scene=replace(self.scene, steep=False)) if self.scene.steep else self
         return RunMetadata(
-            mechanisms, storages, bool(space.claims), shown, units, positive, self.truths, self._built.counted, looped, identity(self._as_written),
-            _following(space, places), self.valves, self.gaps,
-            integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later), self.graph.undetermined,
+            mechanisms, storages, bool(space.claims), shown, units, positive, self.truths, self._built.counted, looped, identity(written._as_written),
+            _following(space, places), self.valves, self.gaps, integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later),
+            is_steep(self.equations), self.graph.undetermined,
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -65,6 +65,7 @@ class Scene:
     companion: bool = False  # the companion network instead of the model; `off` are then its other switched junctions
     # loops are cut at both variables of each nonlinear law in them, for a solution that has to be looked for
     opened: bool = False
+    steep: bool = False  # roots that pass through zero are unknowns of the steps
     from_start: bool = False  # a run from the starts, which leaves out states that nothing excites
     upstream: bool = False  # an analysis without the states on which none of `outputs` depends
 
@@ -237,4 +238,5 @@ class RunMetadata:
     # of opened loops: row, argument and value as places among the unknowns, and whether the argument is an effort
     laws: tuple[tuple[int, int, int, bool], ...] = ()
     zero_divisors: frozenset[frozenset[str]] = frozenset()  # where all of a set are zero, the equations divide by zero
+    steep: bool = False  # a root passes through zero, where it is infinitely steep
     undetermined: tuple[str, ...] = ()  # notes on shares of switches that conditions or laws read

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -14,7 +15,7 @@ from compiler.api import SOLVERS, CompilationFailed, Scene
 
 from ..compiled_model import CompiledModel
 from ..compiled_scene import CompiledScene, chosen_target, many_runs
-from ..errors import RunFailed, UsageError
+from ..errors import RunFailed, StepsCollapsed, UsageError
 from ..memo import keep
 from ..numerics.threads import one_thread
 from ..results.result import Result
@@ -93,7 +94,23 @@ def _with_zeros(model: CompiledModel, scene: Scene, wanted: RunOptions, start: R
 def run(
     model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: RunOptions, start: Result | None = None
 ) -> Result:
-    """Run a scene of a model; `values` are parameters set when it begins."""
+    """Run a scene of a model; `values` are parameters set when it begins. Roots are unknowns of the steps where none leads on with their slopes."""
+    try:
+        return _run(model, scene, values, wanted, start)
+    except StepsCollapsed as failed:
+        plan = model.recall(
+            ("run", scene, wanted), lambda: _planned(model, scene, wanted, wanted.target or chosen_target(None))
+        )
+        if not plan.compiled_scene.facts.steep:
+            raise
+        with suppress(CompilationFailed, RunFailed, UsageError):
+            return _run(model, replace(scene, steep=True), values, wanted, start)
+        raise failed
+
+
+def _run(
+    model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: RunOptions, start: Result | None
+) -> Result:
     began = clock.perf_counter()
     energy, target = wanted.energy, wanted.target or chosen_target(None)
 

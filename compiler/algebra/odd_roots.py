@@ -39,6 +39,7 @@ from .expression import (
 DRAWS = 8  # random values of all symbols at which sides are compared
 ENOUGH = 3  # of them at which both sides have a value
 EQUAL = 1e-11  # relative difference
+STEEPEST = 0.33  # least exponent of a root as an unknown: the power of a lower one is so flat about zero that the flow there has an error of percents
 
 
 def with_odd_roots(x: Expression) -> Expression:
@@ -74,6 +75,45 @@ def with_sides(x: Expression) -> Expression:
         condition, value, otherwise = operands
         return select(condition, _on_its_side(value, condition, True), _on_its_side(otherwise, condition, False))
     return x if operands == x.operands else rebuild(x.operator, operands)
+
+
+def with_unknown_roots(x: Expression, unknown: Callable[[Expression, float], Expression | None]) -> Expression:
+    """Return the expression with u = sign(h) abs(h)^q in its roots of abs(h) and max(h, 0), where `unknown` gives one for h and q."""
+    if not isinstance(x, Apply):
+        return x
+    above, below = _factors(x)
+    for root in above:
+        if (ends := _end_at_zero(root)) is None:
+            continue
+        magnitude, slope, share = ends
+        h = next(o for o in magnitude.operands if o != ZERO)
+        if (u := unknown(h, share)) is None:
+            continue
+        sign = call("sign", h)
+        odd = magnitude.operator == "abs" and sign in above
+        value = u if odd else rebuild(magnitude.operator, [u if o == h else o for o in magnitude.operands])
+        rest = [f for f in above if f is not root and not (odd and f == sign)]
+        return with_unknown_roots(reduce(divide, below, multiply(value, power(slope, Number(share)), *rest)), unknown)
+    operands = tuple(with_unknown_roots(o, unknown) for o in x.operands)
+    return x if operands == x.operands else rebuild(x.operator, operands)
+
+
+def _end_at_zero(x: Expression) -> tuple[Apply, Expression, float] | None:
+    """Return m, k and q for a root (k m)^q of a magnitude m, which is abs(h) or max(h, 0)."""
+    match x:
+        case Apply(operator="sqrt", operands=(base,)):
+            share = 0.5
+        case Apply(operator="power", operands=(base, Number(share))) if STEEPEST <= share < 1:
+            pass
+        case _:
+            return None
+    held = Symbol("magnitude")
+    for node in operations(base):
+        if node.operator == "abs" or (node.operator == "max" and ZERO in node.operands):
+            parts = affine_parts(_put(base, node, held), held)
+            if parts is not None and parts[0] != ZERO and parts[1] == ZERO:
+                return node, parts[0], share
+    return None
 
 
 def _on_its_side(x: Expression, condition: Expression, holds: bool) -> Expression:

@@ -7,6 +7,7 @@ from .idle import refuse_idle_coordinates
 from .reduce import reduce_equations
 from .singular import LinearLoops, behind_loops, linear_loops, refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, TearingVariable
+from .steep_roots import with_roots_as_unknowns
 
 __all__ = [
     "Certificate",
@@ -21,5 +22,6 @@ __all__ = [
     "reduce_equations",
     "refuse_idle_coordinates",
     "refuse_singular_loops",
+    "with_roots_as_unknowns",
     "without_what_cancels",
 ]
