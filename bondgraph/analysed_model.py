@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
-from .compiled_model import CompiledModel, names_of
+from .compiled_model import CompiledModel, named, names_of
 from .keywords import AnalysisKeywords, ExperimentKeywords, PathKeywords, PointKeywords, checked
 from .numerics.threads import on_one_thread
 
@@ -217,11 +217,12 @@ class AnalysedModel(CompiledModel):
         from .quantities import quantity, refuse_two_readings
 
         experiment, settings = options.get("experiment", ""), options.get("settings") or {}
+        (parameter,) = named({parameter: None})
         quantities = self.compilation(self.scene(experiment, settings)).whole_graph.quantities
         refuse_two_readings({parameter: (low, high)}, quantities)
         if parameter not in quantities or quantities[parameter].role != "input":
             independent(self, (parameter,), experiment, settings)  # refuses what is none
-        first, last = (quantity(v, quantities[parameter].unit, parameter) for v in (low, high))
+        first, last = (quantity(v, quantities[parameter].kind, parameter) for v in (low, high))
         _, fixed = independent(self, (parameter,), experiment, {**settings, parameter: first})
         asked = AnalysisRequest(experiment, {**fixed, parameter: first}, names_of(outputs), (parameter,))
         return follow(self.operating_point(asked), parameter, first, last, points, most, branches)

@@ -235,6 +235,11 @@ def _override(name: str, value: str | float) -> Override:
     return api.Override(api.full_name(name), float(value), api.Span(source, 0, len(source.text)))
 
 
+def named(values: Mapping[str, _Answer]) -> dict[str, _Answer]:
+    """Return values by the full names of their quantities, which `K[1,2]` is not."""
+    return {api.full_name(name): value for name, value in values.items()}
+
+
 def names_of(names: Sequence[str] | None) -> tuple[str, ...] | None:
     """Return one name, or several, as a tuple."""
     return (names,) if isinstance(names, str) else None if names is None else tuple(names)

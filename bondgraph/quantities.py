@@ -1,4 +1,4 @@
-"""Quantities that stand alone in a call or on the command line: `20 ms`, `1 kHz`, `-3 N/m`, or a bare number in SI."""
+"""Quantities that stand alone in a call or on the command line: `20 ms`, `1 kHz`, `-3 N/m`; a bare number only of what has no other unit."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ _SECOND_UNIT = re.compile(r"[*/]\s*([A-Za-z]+)")
 
 
 def quantity(text: str | float, unit: str, what: str) -> float:
-    """Return the value in SI of a text, or of a number in SI; `unit` is one of its kind. Raises `UsageError`, with `what` for the purpose."""
-    from compiler.api import CompilationFailed, Source, counts_radians, read_unit
+    """Return the value in SI of a text, or of a number in SI; `unit` is that of its kind. Raises `UsageError`, with `what` for the purpose.
+
+    A text without a unit is refused as in a setting: but for zero, wherever the kind, or the author, has a unit that makes it another number.
+    """
+    from compiler.api import CompilationFailed, readings
 
     if not isinstance(text, str):
         return float(text)
@@ -28,18 +31,31 @@ def quantity(text: str | float, unit: str, what: str) -> float:
     if found is not None:
         number, own = Fraction(found[1]), unit_written(text)
         try:
-            if not own:
+            if own:
+                return _in_si(number, own, unit, what)
+            both = () if unit in ("1", "Hz") else readings(found[1], unit)
+            if not both:
                 return float(number)
-            scale = read_unit(Source(what, own))
-            fits = scale.dimension == read_unit(Source(what, unit)).dimension
-            if fits and math.isfinite(scale.to_si(number)) and not (unit == "Hz" and counts_radians(own)):
-                return scale.to_si(number)
+            raise UsageError(
+                "BR622", f"{what} is in {unit}, but `{text.strip()}` is a bare number;", f"write {' or '.join(f'`{one}`' for one in dict.fromkeys(both))}"
+            )  # fmt: skip
         except (CompilationFailed, OverflowError):
             pass  # no unit, or too large: the same error as for a unit of another kind
     kind = "without a unit" if unit == "1" else f"in {unit}"
-    raise UsageError(
-        "BR604", f"{what}: `{text.strip()}` is no quantity {kind};", "write a number with its unit, or one in SI"
-    )
+    raise UsageError("BR604", f"{what}: `{text.strip()}` is no quantity {kind};", "write a number with its unit")
+
+
+def _in_si(number: Fraction, own: str, unit: str, what: str) -> float:
+    """Return a number in a unit of the kind of another, in SI. Raises `CompilationFailed`, `OverflowError` for one that is not."""
+    from compiler.api import Source, counts_radians, read_unit
+
+    if own == "dB" and unit in ("1", "dB"):
+        return math.pow(10.0, float(number / 20))
+    scale, kind = read_unit(Source(what, own)), read_unit(Source(what, "1" if unit == "dB" else unit))
+    value: float = scale.to_si(number)
+    if scale.dimension != kind.dimension or not math.isfinite(value) or (unit == "Hz" and counts_radians(own)):
+        raise OverflowError
+    return value
 
 
 def quantities(text: str, unit: str, what: str) -> list[float]:

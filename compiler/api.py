@@ -90,7 +90,7 @@ if TYPE_CHECKING:
     from .semantics.expressions.functions import FUNCTIONS
     from .semantics.expressions.scales import counts_radians, scale_of
     from .semantics.expressions.tables import USAGE as TABLE_USAGES
-    from .semantics.expressions.unit import read_unit
+    from .semantics.expressions.unit import read_unit, readings
     from .semantics.expressions.vectors import VECTORS
     from .semantics.names.declared_names import (
         DeclaredName,

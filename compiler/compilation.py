@@ -407,9 +407,9 @@ class Compilation:
         laws = tuple((unknown[w.row], unknown[w.argument], unknown[w.value], w.effort) for w in space.laws)
         written = replace(self, scene=replace(self.scene, steep=False)) if self.scene.steep else self
         return RunMetadata(
-            mechanisms, storages, bool(space.claims), shown, units, positive, self.truths, self._built.counted, looped, identity(written._as_written),
-            _following(space, places), self.valves, self.gaps, integrands(self.whole_graph), laws, zero_divisors(self.whole_space, self.later),
-            is_steep(self.equations), self.graph.undetermined,
+            mechanisms, storages, bool(space.claims), shown, units, positive, self.truths, frozenset(n for n in units if quantities[n].counted),
+            looped, identity(written._as_written), _following(space, places), self.valves, self.gaps, integrands(self.whole_graph), laws,
+            zero_divisors(self.whole_space, self.later), is_steep(self.equations), self.graph.undetermined,
         )  # fmt: skip
 
     def refuse_values(self, values: Mapping[str, float]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from compiler.api import MonteCarloRequest
 
 from ..analysed_model import AnalysedModel
-from ..compiled_model import names_of, source_of
+from ..compiled_model import named, names_of, source_of
 from ..keywords import (
     BenchmarkKeywords,
     MonteCarloKeywords,
@@ -87,7 +87,7 @@ class Model(Shown, AnalysedModel):
         from ..studies.workers import ALONE, workers_of
 
         study = _study(of, _request(experiment, settings, options))
-        return sweep(self, values, study, together, workers_of(workers, ALONE))
+        return sweep(self, named(values), study, together, workers_of(workers, ALONE))
 
     @checked
     def montecarlo(
@@ -108,7 +108,9 @@ class Model(Shown, AnalysedModel):
         from ..studies.workers import Workers, workers_of
 
         pairs = tuple((options.get("correlations") or {}).items())
-        chance = MonteCarloRequest(tuple(vary.items()), pairs, samples, options.get("seed", 0), options.get("indices"))
+        chance = MonteCarloRequest(
+            tuple(named(vary).items()), pairs, samples, options.get("seed", 0), options.get("indices")
+        )
         chosen = {name: options.get(name) for name in ("to", "rtol", "outputs")}
         request = _request(experiment, settings, chosen | {"points": 2 if "simulate" in of else None})
         return montecarlo(self, chance, _study(of, request), workers_of(workers, Workers()))
@@ -168,7 +170,7 @@ class Model(Shown, AnalysedModel):
         files: Sequence[str | Path | Measurements] = (
             [data] if isinstance(data, str | Path | Measurements) else list(data)
         )
-        return fit(self, files, parameters, experiment, settings or {}, explain)
+        return fit(self, files, named(parameters), experiment, settings or {}, explain)
 
     @checked
     def invert_file(
@@ -236,19 +238,18 @@ class Model(Shown, AnalysedModel):
         from ..presentation.explorer import SliderRange, explorer
         from ..quantities import unit_written
         from ..studies.fit_problem import sought
-        from ..studies.scalar_study import units_of
+        from ..studies.scalar_study import quantities_of
 
         fixed = dict(settings or {})
-        kinds = units_of(self, vary, experiment, fixed)
-        quantities = self.compilation(self.scene(experiment, fixed)).whole_graph.quantities
+        quantities = quantities_of(self, named(vary), experiment, fixed)
         ranges = [
             SliderRange(
-                sought(text, kinds[name], name),
+                sought(text, quantities[name].kind, name),
                 quantities[name].value,
                 unit_written(text.partition("..")[2]),
-                kinds[name],
+                quantities[name].unit,
             )
-            for name, text in vary.items()
+            for name, text in named(vary).items()
         ]
 
         def simulate(values: Mapping[str, str | float]) -> Result:

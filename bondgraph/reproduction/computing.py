@@ -106,7 +106,7 @@ class Computing:
         for setpoint in entry["setpoints"]:
             if not isinstance(setpoint, Mapping) or not set(setpoint) <= set(outputs):
                 raise UsageError("BR803", f"{entry['what']}: a setpoint gives values to {', '.join(outputs)}")
-            wanted = {n: quantity(str(setpoint.get(n, 0.0)), known[n].unit, n) for n in outputs}
+            wanted = {n: quantity(setpoint.get(n, 0.0), known[n].kind, n) for n in outputs}
             inputs = model.invert(wanted, by, None).inputs
             rest = model.equilibrium(None, inputs)
             missed = max(abs(rest[n] - wanted[n]) for n in outputs)

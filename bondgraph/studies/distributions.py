@@ -16,7 +16,7 @@ import numpy as np
 from compiler.api import DISTRIBUTIONS, SPREAD, Array, Distribution, fault, kinds_told
 
 from ..errors import UsageError
-from ..quantities import quantity
+from ..quantities import quantity, unit_written
 
 EDGE = 2.0**-53  # distance from the edge of the cube, where an unbounded distribution has no value
 _CALL = re.compile(r"\s*([a-z]+)\s*\((.*)\)\s*", re.DOTALL)
@@ -67,9 +67,10 @@ def distribution(text: str, unit: str, name: str) -> Distribution:
 
 
 def _spread(text: str, unit: str, name: str) -> float:
-    """Return a difference in SI: for temperatures without the offset."""
-    if unit == "K" and "deg" in text:
-        raise UsageError("BR403", f"{name}: a standard deviation is a difference;", "write it in K")
+    """Return a difference in SI: for temperatures without the offset, for ratios in dB as a number."""
+    for own, written in (("degC", "K"), ("degF", "K"), ("dB", "[1]")):
+        if unit_written(text) == own:
+            raise UsageError("BR403", f"{name}: a standard deviation is a difference;", f"write it in {written}")
     return quantity(text, unit, name)
 
 

@@ -18,12 +18,13 @@ from compiler.api import Array, BoundedParameter
 
 from ..analysed_model import AnalysedModel
 from ..errors import RunFailed, UsageError
+from ..quantities import quantity
 from ..simulation.settings import Settings
 from .fit_problem import Problem, sought
 from .fitted import Fit, Fitted
 from .identify import OPEN, SearchEnd, directions, explanations, uncertainty
 from .measured import Measurements, read_measured
-from .scalar_study import units_of
+from .scalar_study import quantities_of
 
 TOLERANCE = 1e-9  # relative tolerance of steps, of the sum of squares, and of its gradient at the start
 MOST_STEPS = 100
@@ -43,9 +44,9 @@ def fit(
     """
     if not given or len(given) > MOST_PARAMETERS:
         raise UsageError("BR407", f"name the parameters to fit, from one to {MOST_PARAMETERS}")
-    units = units_of(model, given, experiment, settings)
-    starts = {n: v for n, v in _numbers(settings, units).items() if n in given}
-    wanted = [sought(s, units[n], n) if isinstance(s, str) else s for n, s in given.items()]
+    quantities = quantities_of(model, given, experiment, settings)
+    starts = {n: quantity(v, quantities[n].kind, n) for n, v in settings.items() if n in given}
+    wanted = [sought(s, quantities[n].kind, n) if isinstance(s, str) else s for n, s in given.items()]
     wanted = [replace(s, start=starts.get(s.name, s.start)) for s in wanted]
     left = {n: v for n, v in settings.items() if n not in given}
     data = _data(model, files, experiment, left, frozenset(given))
@@ -57,7 +58,8 @@ def fit(
     subsets = explanations(problem, solve) if (explain if explain is not None else open_) else ()
     values = problem.values(found.coordinates)
     fitted = tuple(
-        Fitted(n, units[n], float(problem.start[i]), float(values[i]), *sure.of(i)) for i, n in enumerate(problem.names)
+        Fitted(n, quantities[n].unit, float(problem.start[i]), float(values[i]), *sure.of(i))
+        for i, n in enumerate(problem.names)
     )
     compilation = model.compilation(model.scene(experiment, left))
     return Fit(
@@ -116,12 +118,6 @@ def solve(problem: Problem, free: Sequence[int] | None = None, most: int = MOST_
     )
 
 
-def _numbers(settings: Settings, units: Mapping[str, str]) -> dict[str, float]:
-    from ..quantities import quantity
-
-    return {n: quantity(v, units[n], n) for n, v in settings.items() if n in units}
-
-
 def _data(
     model: AnalysedModel, files: Sequence[str | os.PathLike[str] | Measurements], experiment: str | None, settings: Settings, taken: frozenset[str]
 ) -> list[Measurements]:  # fmt: skip
@@ -130,8 +126,8 @@ def _data(
     graph = model.compilation(model.scene(experiment, settings)).whole_graph
     settable = frozenset(n for n, q in graph.quantities.items() if q.role in ("parameter", "input"))
     space = model.compilation(model.scene(experiment, settings), everything=True).state_space
-    units = {n: q.unit for n, q in graph.quantities.items()} | {v.name: v.unit for v in space.variables}
-    units |= {n: space.variables[v].unit for n, v in space.outputs.items()}
+    units = {v.name: v.unit for v in space.variables} | {n: space.variables[v].unit for n, v in space.outputs.items()}
+    units |= {n: q.kind for n, q in {**graph.quantities, **graph.outputs}.items()}
     data = [f if isinstance(f, Measurements) else read_measured(f, units, settable) for f in files]
     for one in data:
         both = sorted(taken & set(one.settings))

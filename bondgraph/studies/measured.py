@@ -110,10 +110,14 @@ def _column(
             "BR424", f"{file}: the model has no `{bare}`; a heading is a name with its unit, as in `x [um]`"
         )
     try:
-        scale, wanted = (read_unit(Source(f"heading `{name}`", u)) for u in (own or "1", kind))
+        scale, wanted = (read_unit(Source(f"heading `{name}`", u)) for u in (own or "1", "1" if kind == "dB" else kind))
     except CompilationFailed:
         raise UsageError("BR425", f"{file}: `{own}` in the heading of `{name}` is no unit") from None
-    if scale.dimension != wanted.dimension or (kind == "Hz" and counts_radians(own or "")):
+    if (
+        (own is None and kind != "1")
+        or scale.dimension != wanted.dimension
+        or (kind == "Hz" and counts_radians(own or ""))
+    ):
         told = f"in {own}" if own else "without a unit"
         raise UsageError("BR426", f"{file}: `{name}` is in {kind}; it stands there {told}")
     if name != bare and scale.offset:

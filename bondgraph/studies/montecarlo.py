@@ -19,7 +19,7 @@ from ..simulation.settings import Settings
 from .distributions import checked, distribution, quantiles
 from .indices import Indices, indices, mixed
 from .sampling import MOST_NAMES, correlation_matrix, cube, values_of
-from .scalar_study import Failed, ScalarStudy, check_steps, compilation_notes, units_of
+from .scalar_study import Failed, ScalarStudy, check_steps, compilation_notes, quantities_of
 from .tolerances import MonteCarlo, Swing
 from .workers import Workers, answers
 
@@ -40,8 +40,9 @@ def montecarlo(model: AnalysedModel, chance: MonteCarloRequest, study: ScalarStu
     check_run_options(study.run.options)
     _check(chance, study.run.settings)
     names = tuple(name for name, _ in chance.vary)
-    units = units_of(model, dict(chance.vary), study.run.experiment, study.run.settings)
-    given = [distribution(d, units[n], n) if isinstance(d, str) else checked(d, n) for n, d in chance.vary]
+    drawn = quantities_of(model, dict(chance.vary), study.run.experiment, study.run.settings)
+    units = {n: q.unit for n, q in drawn.items()}
+    given = [distribution(d, drawn[n].kind, n) if isinstance(d, str) else checked(d, n) for n, d in chance.vary]
     correlation = correlation_matrix(names, dict(chance.correlations))
     rows = 0 if correlation is not None else _rows(chance)
     shares = cube(chance.samples, 2 * len(names) if rows else len(names), chance.seed)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import ANALYSIS_STEPS
+from compiler.api import ANALYSIS_STEPS, Named
 
 from ..analysis.modes import moving_frequencies
 from ..analysis.movable import refuse_choice
@@ -101,10 +101,10 @@ def check_steps(of: tuple[str, ...], what: str) -> None:
         raise UsageError("BR450", f"{what} is of {', '.join(STEPS)}; not of `{(*unknown, 'nothing')[0]}`")
 
 
-def units_of(
+def quantities_of(
     model: CompiledModel, values: Mapping[str, Any], experiment: str | None, settings: Settings
-) -> dict[str, str]:
-    """Return SI units of settings. Raises `CompilationFailed` for names that the model does not have, `UsageError` for texts with two readings."""
+) -> dict[str, Named]:
+    """Return the quantities of settings. Raises `CompilationFailed` for names that the model does not have, `UsageError` for texts with two readings."""
     compilation = model.compilation(model.scene(experiment, settings))
     quantities = compilation.whole_graph.quantities
     refuse_two_readings(values, quantities)
@@ -112,7 +112,7 @@ def units_of(
         refuse_choice(name, compilation)
         if name not in quantities:  # the compiler's message lists the existing names
             _ = model.compilation(model.scene(experiment, {**settings, name: 0.0})).whole_graph
-    return {name: quantities[name].unit for name in values}
+    return {name: quantities[name] for name in values}
 
 
 def compilation_notes(

@@ -6,7 +6,7 @@ A column of a parameter or input is a setting of its line. Lines that begin with
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,10 +46,11 @@ def invert_file(
     name = os.fspath(file)
     compilation = model.compilation(model.scene(experiment, settings))
     graph = compilation.whole_graph
-    units = {n: q.unit for n, q in graph.quantities.items() if q.role in ("parameter", "input")}
-    outputs = {n: o.unit for n, o in model.compilation(model.scene(None)).whole_graph.outputs.items()}
-    columns = read_columns(name, units | outputs)
-    wanted = _checked(name, columns, outputs, units, settings, inputs)
+    settable = {n: q for n, q in graph.quantities.items() if q.role in ("parameter", "input")}
+    outputs = model.compilation(model.scene(None)).whole_graph.outputs
+    known = {**settable, **outputs}
+    columns = read_columns(name, {n: q.kind for n, q in known.items()})
+    wanted = _checked(name, columns, outputs, settable, settings, inputs)
     held = SetpointStudy(tuple(inputs), wanted, experiment, tuple(settings.items()))
     if "time" in columns:
         return _along(model, name, columns, held, along)
@@ -61,14 +62,14 @@ def invert_file(
     points = [dict(zip(columns, map(float, row), strict=True)) for row in np.array(list(columns.values())).T]
     found = made(model, held, points, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report}
-    swept = {n: (units | outputs)[n] for n in columns}
+    swept = {n: known[n].unit for n in columns}
     return Outcome(
         graph.name, compilation.plan.experiment, swept, found, {n: s for n, s in shown.items() if n in swept}
     )
 
 
 def _checked(
-    file: str, columns: Mapping[str, Any], outputs: Mapping[str, str], units: Mapping[str, str], settings: Settings, inputs: Sequence[str],
+    file: str, columns: Mapping[str, Any], outputs: Collection[str], settable: Collection[str], settings: Settings, inputs: Sequence[str],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the outputs of the setpoints. Raises `UsageError` for columns that are no setpoints."""
     sought = {n.strip() for pair in inputs for n in pair.split("/")}
@@ -88,7 +89,7 @@ def _checked(
             "BR455", f"{file}: there is no column of an output; outputs are {', '.join(outputs) or 'none'}"
         )
     if "time" in columns:
-        check_path(file, columns["time"], [n for n in columns if n in units and n not in outputs])
+        check_path(file, columns["time"], [n for n in columns if n in settable and n not in outputs])
     return wanted
 
 

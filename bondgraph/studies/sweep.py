@@ -12,7 +12,7 @@ from ..analysis.outcome import Outcome
 from ..errors import UsageError
 from .experiment import made
 from .experiment_study import ExperimentStudy
-from .scalar_study import ScalarStudy, check_steps, compilation_notes, units_of
+from .scalar_study import ScalarStudy, check_steps, compilation_notes, quantities_of
 from .workers import ALONE, Workers
 
 MOST_POINTS = 1_000_000
@@ -27,14 +27,14 @@ def sweep(
     plan, words = compilation.plan, {n: compilation.choices[n] for n in values if n in compilation.choices}
     counted = {name: dict(zip(some, itertools.count(1.0))) for name, some in words.items()}
     counted |= {name: {"false": 0.0, "true": 1.0} for name in values if name in compilation.truths}
-    units = units_of(
+    quantities = quantities_of(
         model, {n: some for n, some in values.items() if n not in counted}, study.run.experiment, study.run.settings
     )
     numbers = {
-        name: _places(some, counted[name], name) if name in counted else _numbers(some, units[name], name)
+        name: _places(some, counted[name], name) if name in counted else _numbers(some, quantities[name].kind, name)
         for name, some in values.items()
     }
-    units = {name: units.get(name, "1") for name in values}
+    units = {name: quantities[name].unit if name in quantities else "1" for name in values}
     lengths = {len(some) for some in numbers.values()}
     if together and len(lengths) > 1:
         raise UsageError("BR461", "values that go together are as many for each name")

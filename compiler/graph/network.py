@@ -160,6 +160,12 @@ class Named:
     span: Span
     description: str = ""
     guess: float | None = None
+    counted: str = ""  # the author's unit, if a number without it is another one though both fit: deg, %, dB, zero degC
+
+    @property
+    def kind(self) -> str:
+        """The unit by which a number from outside is read."""
+        return self.counted or self.unit
 
     @property
     def together(self) -> tuple[str, ...]:

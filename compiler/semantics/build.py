@@ -29,7 +29,6 @@ from .network.events import read_events, read_relays, read_stops
 from .network.nodes import Nodes
 from .network.requirements import parameter_checks, read_requirements
 from .network.unconnected import unconnected
-from .resolution.cycles import is_counted, unit_of
 from .resolution.elaboration_cache import MAXIMUM_PARTS, ElaborationCache
 from .resolution.solves import read_solves
 
@@ -45,7 +44,6 @@ class Built:
     structural: frozenset[str] = frozenset()  # quantities that decide which parts there are
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters that are one of several words
     truths: frozenset[str] = frozenset()  # quantities that are true or false
-    counted: frozenset[str] = frozenset()  # quantities that are set with a unit, though a bare number would fit
 
     def checking(self, checks: Iterable[Requirement], fixed: Set[str] = frozenset()) -> Built:
         """Return the same with checks at its start, and with constants in the place of parameters of these names."""
@@ -314,11 +312,8 @@ class _Opened:
             elaborator.diagnostics += unconnected(graph)
         choices = {p.name: tuple(word for word, _ in p.item.choices) for p in elaborator.pending if p.item.choices}
         truths = (p.name for p in elaborator.pending if isinstance(p.result, Scalar) and p.result.truth)
-        numbers = (p for p in elaborator.pending if isinstance(p.result, Scalar) and p.result.text is None)
-        resolved = (p for p in numbers if p.role in ("parameter", "input"))
-        counted = frozenset(p.name for p in resolved if (unit := unit_of(p.item)) is not None and is_counted(unit))
         structural = behind(elaborator.structural, graph.quantities)
-        built = Built(graph, plan, (), tuple(elaborator.positive), structural, choices, frozenset(truths), counted)
+        built = Built(graph, plan, (), tuple(elaborator.positive), structural, choices, frozenset(truths))
         if "*" not in self.scene.free:
             return built
         # A program for all values is one for these parts alone.

@@ -162,6 +162,89 @@ def test_a_bare_number_where_the_unit_makes_another_one(value: str) -> None:
         model.simulate(settings={name: number}, points=2)
 
 
+@pytest.mark.parametrize(
+    ("default", "name", "number"),
+    [
+        ("(10 deg, 20 deg)", "d[2]", "3"), ("(10 deg, 20 deg)", "d", "(1, 2)"), ("[[1 %, 2 %], [3 %, 4 %]]", "d[1,2]", "3"),
+        ("[[1 %, 2 %], [3 %, 4 %]]", "d", "[[1 %, 2], [3 %, 4 %]]"), ("2*30 deg", "d", "3"), ("20 degC + 5 K", "d", "0"), ("(10 deg, 2)", "d[1]", "3"),
+    ],
+)  # fmt: skip
+def test_items_and_sums_of_numbers_with_a_unit(default: str, name: str, number: str) -> None:
+    """20 deg of a list, set to 3, were 3 rad; each item has its own unit."""
+    text = f"model A {{ parameter d = {default}; output y = {'d[1,2]' if '[[' in default else 'd[1]' if ',' in default else 'd'} STEP }}"
+    with pytest.raises(CompilationFailed, match="is a bare number"):
+        load(text.replace("STEP", "")).simulate(settings={name: number}, points=2, to=1)
+    told = [d.sentence for d in check(text.replace("STEP", f"; experiment e {{ set {name} = {number}; equilibrium }}"))]
+    assert told and "is a bare number" in told[0]
+    if "," not in number:
+        assert any(
+            "is a bare number" in d.sentence
+            for d in check(text.replace("STEP", f"; experiment e {{ sweep {name} = {number}; equilibrium }}"))
+        )
+
+
+STUDIED = """model A {
+  parameter a: deg = 30, share = 5 %, gain = 20 dB, T = 20 degC, gap = 1 mm, M: deg = [[1, 2], [3, 4]], n = 2
+  input u: deg = 30
+  output phi: deg = u, y = u, m = M[1, 2] + n*a + share + gain + T/(1 K) + gap/(1 m)
+  experiment go { STEP; report phi, y in deg, m }
+}"""
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("a", "3"), ("share", "3"), ("gain", "3"), ("gain", "0"), ("T", "0"), ("gap", "3"), ("M[1,2]", "3")],
+)
+def test_a_bare_number_of_a_study_is_refused_as_that_of_a_setting(name: str, number: str) -> None:
+    """`--over a=45` of a quantity in deg was 45 rad, as were ranges, distributions, bounds, and what is wanted of an output."""
+    model = load(STUDIED.replace("STEP", "equilibrium"))
+    for act in (
+        lambda: model.sweep({name: f"{number}, {number}"}, "equilibrium"),
+        lambda: model.sweep({name: f"{number} .. 4 : 3"}, "equilibrium"),
+        lambda: model.montecarlo({name: f"uniform({number}, {number})"}, "equilibrium", 4),
+        lambda: model.continuation(name, number, "4"),
+        lambda: model.fit([], {name: f"{number} .. 4"}),
+    ):
+        with pytest.raises(UsageError, match="is a bare number"):
+            act()
+    numbers = {"a": "3 deg", "share": "3 %", "gain": "3 dB", "T": "3 degC", "gap": "3 mm"}
+    assert model.sweep({name: numbers.get(name, "3 deg")}, "equilibrium").points[0].settings
+    for step in (
+        f"montecarlo {name} = uniform({number}, {number}); equilibrium",
+        f"continue {name} over {number} .. 4",
+        f'fit {name} = {number} .. 4 to "d.csv"',
+    ):
+        assert any("bare number" in d.sentence for d in check(STUDIED.replace("STEP", step)))
+
+
+def test_a_bare_number_that_is_wanted_or_measured_is_refused(tmp_path: Path) -> None:
+    model, file = load(STUDIED.replace("STEP", "equilibrium")), tmp_path / "d.csv"
+    for wanted in ("phi", "y"):  # by its declaration, by the report
+        with pytest.raises(UsageError, match="is in deg, but `45` is a bare number; write `45 deg` or `45 rad`"):
+            model.invert({wanted: "45"}, ["u"])
+        assert (
+            model.invert({wanted: "45 deg"}, ["u"]).inputs["u"]
+            == model.invert({wanted: math.pi / 4}, ["u"]).inputs["u"]
+        )
+    with pytest.raises(UsageError, match="is a bare number"):
+        model.invert({"phi": "1 deg*smoothstep9(time, 0 s, 1 s)"}, ["u"], to="1 s", limits={"u": "2"})
+    for heading, right in (("phi", False), ("phi [1]", True), ("phi [deg]", True)):
+        file.write_text(f"{heading}\n1\n")
+        if right:
+            assert model.invert_file(file, ["u"]).points
+            continue
+        with pytest.raises(UsageError, match="`phi` is in deg; it stands there without a unit"):
+            model.invert_file(file, ["u"])
+        with pytest.raises(UsageError, match="`phi` is in deg; it stands there without a unit"):
+            model.fit(file, {"a": ""})
+    for step in (
+        "invert u to phi = 45",
+        "simulate 0 .. 1 s { tolerance phi = 1 }",
+        "invert u to phi = 45 deg*smoothstep9(time, 0 s, 1 s) over 0 .. 1 s { limit u = 45 }",
+    ):
+        assert any("bare number" in d.sentence for d in check(STUDIED.replace("STEP", step)))
+
+
 def test_numbers_that_are_the_same_with_the_unit() -> None:
     model = load(COUNTED.replace("BRACES", "a = 2*pi/8, share = 0").replace("STEP", "sweep a = 0, 45 deg"))
     assert model.run()("y").tolist() == pytest.approx([0, math.pi / 4])

@@ -38,7 +38,7 @@ def inverted(
         return invert(model, replace(asked, outputs=tuple(wanted), by=names), wanted, drives)
     known = model.compilation(model.scene(asked.experiment, fixed)).whole_graph.quantities
     # unknown names are refused later
-    most = {n: quantity(v, known[n].unit, n) if n in known else 0.0 for n, v in (along.get("limits") or {}).items()}
+    most = {n: quantity(v, known[n].kind, n) if n in known else 0.0 for n, v in (along.get("limits") or {}).items()}
     start = along.get("start")
     span = 0.0 if start is None else seconds(start), seconds(to), along.get("points", 501)
     return invert_path(PathRequest(model, targets, asked, *span, along.get("moving", False), most), inputs)

@@ -289,11 +289,13 @@ def asked_for(model: CompiledModel, targets: Mapping[str, str | float], experime
     """Return targets in SI. Raises `UsageError` for names that are no outputs."""
     from ...quantities import quantity
 
-    outputs = model.compilation(model.scene(experiment)).whole_graph.outputs
+    compilation = model.compilation(model.scene(experiment))
+    outputs, shown = compilation.whole_graph.outputs, {r.name: r.unit for r in compilation.plan.report if r.scale != 1}
     unknown = [n for n in targets if n not in outputs]
     if unknown or not targets:
         raise UsageError("BR322", f"there is no output `{(*unknown, '')[0]}`; outputs are {', '.join(outputs) or 'none'}")  # fmt: skip
     for name, value in targets.items():
         if isinstance(value, str) and re.search(r"\btime\b", value):
             raise UsageError("BR324", f"what is wanted of `{name}` goes with time:", "say until when (`--to`, in Python `to=`)")  # fmt: skip
-    return {n: quantity(v, outputs[n].unit, n) for n, v in targets.items()}
+    kinds = {n: shown.get(n, "1") if outputs[n].kind == "1" else outputs[n].kind for n in targets}
+    return {n: quantity(v, kinds[n], n) for n, v in targets.items()}

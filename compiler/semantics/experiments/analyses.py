@@ -28,7 +28,7 @@ from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, w
 from ..network.elaborate import Elaborator
 from .distributions import read_montecarlo
 from .measurements import read_headings
-from .step_attributes import each, read_attributes, refuse_twice, settable, together, word
+from .step_attributes import each, number, read_attributes, refuse_twice, settable, together, word
 from .studies import read_response
 
 
@@ -83,9 +83,8 @@ def _following(elaborator: Elaborator, step: tree.Analysis, root: Scope) -> Cont
         partial(read_attributes, elaborator, step, root),
     )
     assert step.range is not None
-    dimension = _dimension(elaborator, given.path, root)
     ends = (step.range.first, step.range.last)
-    low, high = together(elaborator, *(partial(elaborator.static, e, root, f"`{name}`", dimension) for e in ends))
+    low, high = together(elaborator, *(partial(number, elaborator, e, given.path, root, f"`{name}`") for e in ends))
     if low == high:
         hint = "Write where it begins and where it ends."
         raise Wrong(WrongExperiment(step.range.span, "The range has no length", hint))
@@ -158,9 +157,7 @@ def _limits(elaborator: Elaborator, names: set[str]) -> Callable[[tree.Attribute
         if name not in names:
             hint = suggestion(name, sorted(names), f"Found are: {', '.join(sorted(names))}.")
             raise Wrong(UnknownName(attribute.target.span, name, "what is found here", hint))
-        value = elaborator.static(
-            attribute.value, root, f"The limit of `{name}`", _dimension(elaborator, attribute.target, root)
-        )
+        value = number(elaborator, attribute.value, attribute.target, root, f"The limit of `{name}`")
         if value <= 0:
             hint = "Write how large the input may be."
             raise Wrong(WrongExperiment(attribute.span, "A limit is larger than zero", hint))
@@ -183,7 +180,7 @@ def _wish(
         if any(word(p) == "time" for p in paths_of(given.value)):
             what = f"What is wanted of `{name}` goes with time, and no path is asked for"
             raise Wrong(WrongExperiment(given.value.span, what, "Say how long: `over 0 .. 5 ms`."))
-        return TargetValue(name, elaborator.static(given.value, root, f"What is wanted of `{name}`", dimension))
+        return TargetValue(name, number(elaborator, given.value, given.path, root, f"What is wanted of `{name}`"))
     return TargetValue(name, text=_over_time(elaborator, given.value, root, name, dimension))
 
 
@@ -257,9 +254,8 @@ def _unknown(
     scale = logarithmic.get(name, False)
     if given.range is None:
         return BoundedParameter(name, logarithmic=scale)
-    dimension = _dimension(elaborator, given.path, root)
-    low = elaborator.static(given.range.first, root, f"A bound of `{name}`", dimension)
-    high = elaborator.static(given.range.last, root, f"A bound of `{name}`", dimension)
+    ends = given.range.first, given.range.last
+    low, high = (number(elaborator, e, given.path, root, f"A bound of `{name}`") for e in ends)
     if not low < high:
         what = f"The bounds of `{name}` do not go from low to high"
         raise Wrong(WrongExperiment(given.range.span, what, f"Write `{name} = LOW .. HIGH`."))

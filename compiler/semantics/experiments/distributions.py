@@ -6,16 +6,15 @@ import math
 from functools import partial
 
 from ...chance import DISTRIBUTIONS, SPREAD, Distribution, fault, kinds_told
-from ...graph.units import ONE, Dimension
 from ...scene import MonteCarloRequest, Plan
 from ...steps import ANALYSIS_STEPS
 from ...syntax import tree
-from ..expressions.scales import is_absolute
+from ..expressions.scales import is_absolute, is_decibel
 from ..names.errors import UnknownName, WrongExperiment
 from ..names.scope import Scalar, Scope
 from ..names.statement_errors import Wrong, suggestion
 from ..network.elaborate import Elaborator
-from .step_attributes import each, read_attributes, refuse_twice, settable, together, word
+from .step_attributes import each, number, read_attributes, refuse_twice, settable, together, word
 
 CORRELATION = "correlation"
 
@@ -54,11 +53,11 @@ def _drawn(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope) -> tupl
     if scalar.choices:
         hint = f"Compare its words: `sweep {name} = {', '.join(scalar.choices)}`."
         raise Wrong(WrongExperiment(given.path.span, f"`{name}` is a choice, and words have no distribution", hint))
-    return name, _distribution(elaborator, given.value, root, name, scalar.dimension or ONE)
+    return name, _distribution(elaborator, given.value, root, given.path)
 
 
 def _distribution(
-    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, dimension: Dimension, inner: bool = False
+    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, path: tree.PathSyntax, inner: bool = False
 ) -> Distribution:  # fmt: skip
     kinds = (*DISTRIBUTIONS, *(() if inner else ("truncated",)))
     if not isinstance(value, tree.Call) or value.function not in kinds:
@@ -69,22 +68,26 @@ def _distribution(
     if len(value.arguments) != len(words):
         what = f"{value.function} takes {len(words)} numbers: {', '.join(words)}"
         raise Wrong(WrongExperiment(value.span, what, f"There are: {kinds_told()}."))
+    name = word(path)
     if value.function == "truncated":
-        found = _distribution(elaborator, value.arguments[0], root, name, dimension, True)
-        low, high = (_number(elaborator, a, root, name, "", dimension) for a in value.arguments[1:])
+        found = _distribution(elaborator, value.arguments[0], root, path, True)
+        low, high = (_number(elaborator, a, root, path, "") for a in value.arguments[1:])
         return _checked(name, Distribution(found.kind, found.numbers, low, high), value)
     numbers = tuple(
-        _number(elaborator, a, root, name, w, dimension) for a, w in zip(value.arguments, words, strict=True)
+        _number(elaborator, a, root, path, w) for a, w in zip(value.arguments, words, strict=True)
     )  # fmt: skip
     return _checked(name, Distribution(value.function, numbers), value)
 
 
 def _number(
-    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, name: str, what: str, dimension: Dimension
+    elaborator: Elaborator, value: tree.ExpressionSyntax, root: Scope, path: tree.PathSyntax, what: str
 ) -> float:  # fmt: skip
-    if what == SPREAD and isinstance(value, tree.Literal) and value.unit is not None and is_absolute(value.unit):
-        raise Wrong(WrongExperiment(value.span, "A standard deviation is a difference", "Write it in K."))
-    return elaborator.static(value, root, f"The {what or 'end'} of `{name}`", dimension)
+    if what == SPREAD and isinstance(value, tree.Literal) and value.unit is not None:
+        ratio = is_decibel(value.unit)
+        if ratio or is_absolute(value.unit):
+            hint = "Write it as a number, `0.1*1`." if ratio else "Write it in K."
+            raise Wrong(WrongExperiment(value.span, "A standard deviation is a difference", hint))
+    return number(elaborator, value, path, root, f"The {what or 'end'} of `{word(path)}`")
 
 
 def _checked(name: str, drawn: Distribution, value: tree.ExpressionSyntax) -> Distribution:

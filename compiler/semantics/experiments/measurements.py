@@ -51,7 +51,11 @@ def _column(
         hint = "What is looked for has one value for all lines."
         what = f"`{bare}` is looked for, and set line by line"
         raise Wrong(WrongColumn(text.span, what, hint, ((place, "this header"),)))
-    found = ONE if scale is None else scale.dimension
+    found, named = ONE if scale is None else scale.dimension, elaborator.quantities.get(bare)
+    if named is not None and named.counted and "[" not in written:
+        what = f"`{bare}` is in {named.counted}, but {text.value} has it without a unit"
+        hint = f"Write `{bare} [{named.counted}]`, or `{bare} [1]` for bare numbers."
+        raise Wrong(WrongColumn(text.span, what, hint, ((place, "this header"),)))
     if found != wanted:
         what = f"`{bare}` is {describe(wanted)}, but {text.value} has it {'without a unit' if scale is None else describe(found)}"
         raise Wrong(WrongColumn(text.span, what, "Headings are names with units: `x [um]`.", ((place, "this header"),)))

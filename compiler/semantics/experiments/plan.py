@@ -28,6 +28,7 @@ from ..network.elaborate import Elaborator
 from ..resolution.cycles import counts_angle, in_cycles, refuse_rates_of_angles
 from .analyses import read_analysis
 from .distributions import check_together
+from .step_attributes import number
 from .studies import read_sweep
 
 SETTINGS = ("rtol", "atol", "accuracy", "points")
@@ -193,9 +194,8 @@ def _simulate(elaborator: Elaborator, step: tree.Simulate, root: Scope, plan: Pl
             scalar = elaborator.lookup(attribute.target, root)
             if not isinstance(scalar, Scalar):
                 raise Wrong(WrongType(attribute.target.span, "One quantity", "a list"))
-            value = elaborator.static(
-                attribute.value, root, f"The tolerance of `{attribute.target.words}`", scalar.dimension or ONE
-            )
+            what = f"The tolerance of `{attribute.target.words}`"
+            value = number(elaborator, attribute.value, attribute.target, root, what)
             if value <= 0:
                 hint = "Write how large an error is allowed, in the unit of the quantity."
                 raise Wrong(WrongExperiment(attribute.span, "A tolerance is positive", hint))

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from ...fast_dataclass import dataclass
+from ...graph.units import ONE
 from ...scene import full_name
 from ...steps import ANALYSIS_STEPS
 from ...syntax import tree
@@ -15,6 +16,7 @@ from ..names.errors import DuplicateName, UnknownAttribute, WrongExperiment
 from ..names.scope import Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..network.elaborate import Elaborator
+from ..resolution.cycles import refuse_bare
 
 Read = Callable[[tree.Attribute, Scope], tuple[str, Any]]
 
@@ -63,6 +65,16 @@ def settable(elaborator: Elaborator, given: tree.GivenSyntax, root: Scope, what:
         hint = "Name a single parameter or input."
         raise Wrong(WrongExperiment(given.path.span, f"{what}, which `{name}` cannot be", hint))
     return name
+
+
+def number(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, path: tree.PathSyntax, root: Scope, what: str
+) -> float:
+    """Return a number of the kind of a quantity, in SI. Raises `Wrong`, as for a setting of it."""
+    scalar = elaborator.lookup(path, root)
+    if word(path) in elaborator.quantities:
+        refuse_bare(value, word(path), elaborator.quantities[word(path)].counted)
+    return elaborator.static(value, root, what, getattr(scalar, "dimension", None) or ONE)
 
 
 def refuse_twice(given: Sequence[tree.GivenSyntax]) -> None:

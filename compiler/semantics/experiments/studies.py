@@ -16,7 +16,7 @@ from ..names.errors import UnknownName, WrongExperiment, WrongValue
 from ..names.scope import Scalar, Scope
 from ..names.statement_errors import Wrong, suggestion, wrong_unit
 from ..network.elaborate import Elaborator
-from ..resolution.cycles import refuse_other_readings, refuse_rates_of_angles
+from ..resolution.cycles import refuse_bare, refuse_other_readings, refuse_rates_of_angles
 from .step_attributes import expressions_of, read_attributes, word
 
 
@@ -47,6 +47,8 @@ def read_sweep(
             continue
         if item is not None and unit is None:
             refuse_other_readings(elaborator, value, root, item)
+        elif unit is None and name in elaborator.quantities:
+            refuse_bare(value, name, elaborator.quantities[name].counted)
         template = elaborator.template(value, root, unit)
         elaborator.require_static(template, root, "A swept value")
         for part, formula in zip(parts_of(template.value), template.formulas, strict=True):

@@ -9,7 +9,7 @@ from ...syntax import parse_expression
 from ...syntax.tree import Literal
 from ..names.errors import UnknownUnit
 from ..names.statement_errors import Wrong
-from .scales import scale_of
+from .scales import counts_radians, scale_of
 
 
 def read_unit(source: Source) -> Scale:
@@ -23,3 +23,16 @@ def read_unit(source: Source) -> Scale:
         return scale_of(found.unit)
     except Wrong as wrong:
         raise CompilationFailed([wrong.diagnostic]) from None
+
+
+def readings(number: str, unit: str) -> tuple[str, ...]:
+    """Return a bare number in the place of one in `unit`, which it fits, with the unit and as it is; nothing for a zero that is one in all units."""
+    scale = None if unit == "dB" else read_unit(Source("unit", unit))
+    if not number.strip("+-0. ") and scale is not None and not scale.offset:
+        return ()
+    if scale is None:
+        return (f"{number} dB",)
+    other = "rad" if counts_radians(unit) else "K" if scale.offset else ""
+    itself = number if other else f"{scale.from_si(float(number.replace(' ', ''))):.12g}"
+    written = unit if unit.isalpha() or unit == "%" else f"[{unit}]"
+    return f"{number} {written}", f"{itself} {other or written}"

@@ -12,8 +12,9 @@ from ...graph.network import Reading
 from ...graph.units import ONE, SECOND, Scale
 from ...syntax import tree
 from ..expressions.rates import opened
-from ..expressions.scales import bare, counts_cycles, counts_radians, is_absolute, is_decibel, scale_of
+from ..expressions.scales import bare, counts_cycles, counts_radians, is_decibel, scale_of
 from ..expressions.template import Check
+from ..expressions.unit import readings
 from ..names.errors import DimensionMismatch
 from ..names.scope import Entry, Pending, Scalar, Scope
 from ..names.statement_errors import Wrong
@@ -103,37 +104,54 @@ def refuse_other_readings(names: KnownNames, value: tree.ExpressionSyntax, scope
     """Raise `Wrong` for the rate of an angle as a quantity in Hz, for a frequency as one in rad/s or rpm, by its declaration or default, and for
     what is set without a unit where it has another reading with that of the declaration or default."""
     unit = item.unit if value is item.value else unit_of(item)
-    if unit is None:
-        return
-    words = unit.span.text.strip("[] ")
-    if value is not item.value and is_counted(unit):
-        _refuse_bare(value, item.name, unit, words)
-    elif not is_decibel(unit) and scale_of(unit).dimension == ONE / SECOND:
-        _refuse_rate(names, value, scope, words)
+    if value is not item.value:
+        _refuse_bare_items(value, item)
+    if unit is not None and not is_decibel(unit) and scale_of(unit).dimension == ONE / SECOND:
+        _refuse_rate(names, value, scope, unit.span.text.strip("[] "))
 
 
-def unit_of(item: tree.Item) -> tree.Unit | None:
-    """Return the unit of a declaration, else that of the number in it."""
-    value = item.value.operand if isinstance(item.value, tree.Negative) else item.value
-    return item.unit or getattr(value, "unit", None)
+def unit_of(item: tree.Item, place: str = "") -> tree.Unit | None:
+    """Return the unit of a declaration, else that of the number in a place of it, as `[1, 2]`; of a sum or product the first one that it has."""
+    value: object = item.value
+    for number in re.findall("[0-9]+", place):
+        value = value.items[min(int(number), len(value.items)) - 1] if isinstance(value, tree.VectorSyntax) else None
+    return item.unit or _unit_in(value)
 
 
-def is_counted(unit: tree.Unit) -> bool:
-    """Return True for a unit in which a number is another one than without it, though both fit: deg, %, dB, and of zero degC."""
-    return (
-        is_decibel(unit) or bool((scale := scale_of(unit)).offset) or (scale.dimension == ONE and scale != Scale(ONE))
-    )
+def _unit_in(value: object) -> tree.Unit | None:
+    match value:
+        case tree.Literal(unit=unit):
+            return unit
+        case tree.Negative(operand=operand):
+            return _unit_in(operand)
+        case tree.Sum(terms=parts) | tree.Product(factors=parts):
+            return next((unit for _, part in parts if (unit := _unit_in(part)) is not None), None)
+    return None
 
 
-def _refuse_bare(value: tree.ExpressionSyntax, name: str, unit: tree.Unit, words: str) -> None:
+def counted(item: tree.Item, place: str = "") -> str:
+    """Return the unit of a number if it is another one without it, though both fit: deg, %, dB, and of zero degC; else nothing."""
+    unit = unit_of(item, place)
+    if unit is None or not (
+        is_decibel(unit) or (scale := scale_of(unit)).offset or (scale.dimension == ONE and scale != Scale(ONE))
+    ):
+        return ""
+    return unit.span.text.strip("[] ")
+
+
+def _refuse_bare_items(value: tree.ExpressionSyntax, item: tree.Item, place: str = "") -> None:
+    """Raise `Wrong` for a bare number, alone or in a list, that a quantity is set to."""
+    for number, part in enumerate(value.items, 1) if isinstance(value, tree.VectorSyntax) else ():
+        _refuse_bare_items(part, item, f"{place}[{number}]")
+    if bare(value):
+        refuse_bare(value, item.name, counted(item, place))
+
+
+def refuse_bare(value: tree.ExpressionSyntax, name: str, unit: str) -> None:
     """Raise `Wrong` for a bare number in the place of one with a unit, but for a zero that is one in all units."""
-    for part in value.items if isinstance(value, tree.VectorSyntax) else (value,):
-        number = part.span.text
-        zero = not number.strip("+-0. ")
-        if bare(part) and not (zero and not is_decibel(unit) and not scale_of(unit).offset):
-            itself = "0 K" if is_absolute(unit) else f"{number} rad" if counts_radians(words) else f"1*{number}"
-            what = f"`{name}` is in {words}, but `{number}` is a bare number"
-            raise Wrong(DimensionMismatch(part.span, what, f"Write `{number} {words}`, or `{itself}`."))
+    if unit and bare(value) and (both := readings(value.span.text, unit)):
+        what = f"`{name}` is in {unit}, but `{value.span.text}` is a bare number"
+        raise Wrong(DimensionMismatch(value.span, what, f"Write {' or '.join(f'`{one}`' for one in both)}."))
 
 
 def _refuse_rate(names: KnownNames, value: tree.ExpressionSyntax, scope: Scope, words: str) -> None:

@@ -30,7 +30,7 @@ from ..names.errors import (
 )
 from ..names.scope import Array, InstanceEntry, Items, Pending, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, unit_hint, wrong_unit
-from .cycles import refuse_other_readings
+from .cycles import counted, refuse_bare, refuse_other_readings
 from .elaboration_cache import ElaborationCache
 from .memories import MemoryResolver, constant
 from .resolver import SHOWN
@@ -408,6 +408,7 @@ class QuantityResolver(MemoryResolver):
             if isinstance(override, float):
                 bound = Bound(constant(override), ())
             else:
+                refuse_bare(override, name, counted(pending.item, suffix))
                 template = self.template(override, self.root)
                 self.require_static(template, self.root, _known(pending))
                 found = self._dimension(template.value)
@@ -419,16 +420,19 @@ class QuantityResolver(MemoryResolver):
         value = self.value_of(bound, span, decides=False) if role in ("parameter", "constant") else None
         if role == "constant" and value is not None and _reads_nothing(bound):
             return Scalar(value, dimension, role, name)  # a number with a name: nothing is left to be computed
+        item, own = pending.item, counted(pending.item, suffix)
         self.quantities[name] = Named(
-            name, role, str(dimension or ONE), bound, value, pending.item.span, pending.item.description or ""
+            name, role, str(dimension or ONE), bound, value, item.span, item.description or "", counted=own
         )
         return Scalar(Quantity(name), dimension, role, name)
 
     def _enter_later(self, pending: Pending, suffix: str, dimension: Dimension | None, span: Span) -> Scalar:
         """Enter a number that only a run knows, a parameter or an input, as an argument of the program."""
         name = pending.name + suffix
-        description = pending.item.description or ""
-        self.quantities[name] = Named(name, "parameter", str(dimension or ONE), None, None, span, description)
+        description, own = pending.item.description or "", counted(pending.item, suffix)
+        self.quantities[name] = Named(
+            name, "parameter", str(dimension or ONE), None, None, span, description, counted=own
+        )
         return Scalar(Quantity(name), dimension, pending.role, name)
 
 
