@@ -18,6 +18,7 @@ from compiler.api import Array, BoolArray, ComplexArray
 PER_DECADE = 50  # frequencies in addition to those about poles
 NARROWEST = 1e-7  # relative width of the grid about a pole without damping
 WIDEST = 0.5
+TWINS = 1e-2 * NARROWEST  # relative distance of frequencies that are one
 ROUNDS = 40
 CLOSE = 1e-11  # relative accuracy of a frequency
 NOTHING = 1e-12  # relative to the magnitude nearby: rounding of the response, at a zero on the imaginary axis
@@ -85,6 +86,7 @@ def _about(poles: ComplexArray, infinite: Array, low: float, high: float) -> Any
         parts += [centre - widths, np.array([centre]), centre + widths]
     every = np.unique(np.concatenate(parts))
     every = every[(every >= low) & (every <= high)]
+    every = every[np.diff(every, prepend=0.0) > TWINS * every]  # between equal poles every peak would be flat
     if len(infinite):
         near = np.abs(every[:, None] / infinite - 1).min(axis=1)
         every = every[near > 0.1 * NARROWEST]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, BoolArray, ComplexArray
+from compiler.api import Array, BoolArray, ComplexArray, IntArray
 
 from ..errors import UsageError
 from ..rendering import OfModel, Plotted, Summarised
@@ -27,6 +27,8 @@ BESIDE = (-8.0, -4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0)  # in widt
 BEYOND = 1e-9  # relative distance from an undamped resonance within which there are no values
 NO_VALUES = np.zeros((0, 0, 0))
 LEFT = 1e-7  # of a transient, relative to the steady motion, when it has settled
+DOUBTFUL = 1e-6  # relative to its terms: a response that may be their rounding
+DIGITS = 4 * np.finfo(float).eps
 AT_ONCE = 4_000_000  # most numbers in the matrices that are solved together
 
 
@@ -146,7 +148,7 @@ def with_extrema(made: Response, evaluate: Evaluate, poles: ComplexArray, undamp
 
 
 def transfer(linear: Linearization, places: Any) -> Any:
-    """Return C (s - A)^-1 B + D at complex s (f,), shape (f, m, k). Infinite where s is an eigenvalue."""
+    """Return C (s - A)^-1 B + D at complex s (f,), shape (f, m, k). Infinite where s is an eigenvalue; 0 where the last digits of the entries leave it open."""
     from scipy.linalg import matrix_balance
 
     n = len(linear.A)
@@ -160,11 +162,28 @@ def transfer(linear: Linearization, places: Any) -> Any:
         part = places[first : first + width]
         matrices = part[:, None, None] * np.eye(n) - A
         try:
-            result[first : first + width] += C @ np.linalg.solve(matrices, np.repeat(B[None], len(part), axis=0))
+            states = np.linalg.solve(matrices, np.repeat(B[None], len(part), axis=0))
+            values = result[first : first + width] + C @ states
+            terms = np.abs(linear.D) + np.abs(C) @ np.abs(states)
+            doubtful = np.flatnonzero((np.abs(values) < DOUBTFUL * terms).any(axis=(1, 2)))
+            if len(doubtful):
+                _cancel(values, doubtful, matrices[doubtful], states[doubtful], B, C, terms[doubtful])
+            result[first : first + width] = values
         except np.linalg.LinAlgError:
             for i, matrix in enumerate(matrices):
                 result[first + i] = _at(matrix, B, C, linear.D)
     return result
+
+
+def _cancel(
+    values: ComplexArray, rows: IntArray, matrices: ComplexArray, states: ComplexArray, B: Array, C: Array, terms: Array
+) -> None:
+    """Set to zero what relative changes of the entries by rounding change by as much as it is."""
+    weights = np.swapaxes(
+        np.linalg.solve(np.swapaxes(matrices, 1, 2), np.repeat(C.T[None].astype(complex), len(rows), axis=0)), 1, 2
+    )
+    moved = np.abs(weights) @ (np.abs(matrices) @ np.abs(states) + np.abs(B)) + terms
+    values[rows] = np.where(np.abs(values[rows]) <= DIGITS * moved, 0.0, values[rows])
 
 
 def _at(matrix: ComplexArray, B: Array, C: Array, D: Array) -> Any:
