@@ -229,7 +229,7 @@ def _attitudes(problem: PoseProblem) -> list[list[int]]:
     groups: dict[str, list[int]] = {}
     for row, item in enumerate(problem.given):
         head, dot, letter = item.name.rpartition(".attitude.")
-        if dot and item.claim < 0 and letter in "wxyz":
+        if dot and letter in "wxyz":
             groups.setdefault(head, []).append(row)
     return [rows for rows in groups.values() if len(rows) == 4]
 
