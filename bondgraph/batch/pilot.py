@@ -15,8 +15,8 @@ from ..simulation.integrators.compiled.run import Ordered
 from ..simulation.integrators.compiled.selection_record import selection_batch
 from ..simulation.integrators.linear_algebra.sparse import FINE, SINGULAR
 from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
-from ..simulation.magnitudes.free_response import FreeResponse, free_responses
-from ..simulation.magnitudes.nominal_magnitudes import nominal_magnitudes, raised
+from ..simulation.magnitudes.free_response import FreeResponse, free_responses, slopes_of
+from ..simulation.magnitudes.nominal_magnitudes import RESTING, nominal_magnitudes, raised
 from ..simulation.magnitudes.pilot_horizon import goes_astray
 from ..simulation.magnitudes.pilot_run import (
     COARSE,
@@ -47,7 +47,9 @@ def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
     """Return the reach of the free motions of runs, as `PilotRun._reach` does for one."""
     program, (count, n) = scene.program, runs.state.shape
     at = scene.inputs, runs.constants, first.mode
-    jacobians = program.jacobian(first.start, runs.state, *at)
+    jacobians = slopes_of(
+        program, first.start, runs.state, *at, smallest_angles(program, scene.compiled_scene.facts.mechanisms)
+    )
     rates = program.derivative(first.start, runs.state, *at)
     size = np.abs(runs.state)
     reach = FreeReach(
@@ -155,8 +157,9 @@ def batch_magnitudes(scene: BatchScene, runs: Runs, course: BatchCourse) -> tupl
     program, mechanisms = scene.program, scene.compiled_scene.facts.mechanisms
     largest, sound = largest_values(scene, runs, course)
     nominal, peak = program.nominal(runs.constants), np.maximum(np.abs(runs.state), largest)
-    result = raised(program, mechanisms, np.where(nominal > 0, nominal, peak), smallest_angles(program, mechanisms))
-    sound &= ((result > 0) & np.isfinite(result)).all(axis=1)
+    levels = smallest_angles(program, mechanisms)
+    result = raised(program, mechanisms, np.where(nominal > 0, nominal, peak), levels)
+    sound &= ((result > RESTING * levels) & np.isfinite(result)).all(axis=1)
     for row in np.flatnonzero(~sound).tolist():
         values = _alone(scene, runs, course, row)
         if values is not None:
@@ -171,8 +174,8 @@ def _alone(scene: BatchScene, runs: Runs, course: BatchCourse, row: int) -> Any:
     mechanisms = scene.compiled_scene.facts.mechanisms
     try:
         magnitudes = nominal_magnitudes(
-            constraints, mechanisms, runs.state[row], list(course.segments), PilotObservation(choice)
-        )
+            constraints, mechanisms, runs.state[row], list(course.segments), PilotObservation(choice, rtol=scene.options.rtol)
+        )  # fmt: skip
     except RunFailed:
         return None
     return None if magnitudes.doubts else magnitudes.values

@@ -214,7 +214,8 @@ class Phase:
             absolute[len(self.program.states.names) + place] = np.inf
         for index, value in self.shared.given.items():
             absolute[index], held[index] = value, True
-        self.shared.tolerances = Tolerances(rtol, absolute, magnitude, held)
+        guessed = np.array([n in self.guessed for n in self.program.variables.names], dtype=bool)
+        self.shared.tolerances = Tolerances(rtol, absolute, magnitude, held, guessed)
         return self.shared.tolerances
 
     def _magnitudes(self) -> Any:
@@ -223,7 +224,8 @@ class Phase:
             return self._with_doubts(self._searched_magnitudes())
         first, last = self.stretches[0], self.stretches[-1]
         on = () if self.events is None else (self.events.horizon, *sorted(self.events.on.items()))
-        key = *first.key, last.stop, self.options.parts, self.looked_from.tobytes(), self.state.tobytes(), on
+        options = self.options.parts, self.options.rtol
+        key = *first.key, last.stop, *options, self.looked_from.tobytes(), self.state.tobytes(), on
         values = self._with_doubts(self.constraints.recall("magnitudes", key, self._searched_magnitudes))
         if self.events is not None:
             from .events.indicators import HybridState
@@ -244,7 +246,8 @@ class Phase:
         begin, names = self.begin, self.program.variables.names
         peaks = np.zeros(len(names)) if begin is None else np.array([begin.peaks.get(n, 0.0) for n in names])
         search = MagnitudeSearch(
-            self.constraints, self.compilation.facts.mechanisms, self.looked_from, self.stretches, self.known, peaks, self._choice, self._pilot
+            self.constraints, self.compilation.facts.mechanisms, self.looked_from, self.stretches, self.known, peaks, self._choice, self._pilot,
+            self.options.rtol,
         )  # fmt: skip
         return search.magnitudes(self.events)
 

@@ -69,7 +69,7 @@ def _measured(stepper: IntegrationState, states: Array) -> bool:
     if not (old.magnitude > FAR * peak).any():
         return False
     absolute = np.where(old.held, old.absolute, old.relative * peak)
-    stepper.tolerances = Tolerances(old.relative, absolute, peak, old.held)
+    stepper.tolerances = Tolerances(old.relative, absolute, peak, old.held, old.guessed)
     return True
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +13,28 @@ from compiler.api import Array, address_of
 from ..integrators.compiled.code import POINTER, WHOLE, called
 from ..integrators.linear_algebra import balancing
 
+if TYPE_CHECKING:
+    from compiler.api import Program
+
 LARGEST = 200  # most states for which the modes are computed
+# Relative to the largest entry, and to itself: an entry that may be rounding, and its change then
+SMALL, CHANGED = 1e-10, 1e-3
 WELL_TOLD = 1e6  # largest condition number of the eigenvectors with which the modes are separable
+
+
+def slopes_of(
+    program: Program, time: float, state: Array, inputs: Array, constants: Array, mode: Array, smallest: Array
+) -> Any:
+    """Return Jacobians (…, n, n) without entries that are rounding of terms that cancel: they change with the last digits of what they read, and with
+    angles of the size of rounding, `smallest`."""
+    slopes = np.asarray(program.jacobian(time, state, inputs, constants, mode))
+    sizes = np.abs(slopes)
+    small = (slopes != 0) & (sizes < SMALL * sizes.max(axis=(-2, -1), keepdims=True, initial=0.0))
+    if not small.any():
+        return slopes
+    states, others = (x * (1 + 8 * np.finfo(float).eps * (1 + np.arange(x.shape[-1]) % 3)) for x in (state, constants))
+    change = np.abs(program.jacobian(time, states + smallest, inputs, others, mode) - slopes)
+    return np.where(small & (change > CHANGED * sizes), 0.0, slopes)
 
 
 def balance(matrix: Array, compiled: bool) -> tuple[Any, Any]:

@@ -25,10 +25,20 @@ from ..constraints.constraints import Constraints
 from ..integrators.pilot.schedule import unit_numbers
 from ..segments.timeline import Segment
 from .pilot_horizon import trusted
-from .pilot_run import SMALLEST_ANGLE, PilotObservation, PilotObserver, PilotRun, smallest_angles, smallest_speeds
+from .pilot_run import (
+    LEFT,
+    SMALLEST_ANGLE,
+    STEPS,
+    PilotObservation,
+    PilotObserver,
+    PilotRun,
+    smallest_angles,
+    smallest_speeds,
+)
 from .rate_bounds import MOST_STRETCHES, chargeable
 
 ROUNDED = 1e-3  # relative to the smallest angle: remainder of a projection on loop joints
+DIGITS = 8  # places that differ by rounding, at which rates are compared
 CAUTIOUS = 1e-6  # fraction of the charge that sources could bring in a run: magnitude of an unknown state
 RESTING = 2.0  # levels of rounding: what has a smaller magnitude has not moved
 SHARE = 1e-2  # least magnitude relative to the largest state of the same unit in the same mechanism
@@ -41,13 +51,15 @@ class Magnitudes:
     """Magnitudes of a run.
 
     `values`, shape (n,), in SI; `moved`: the same, 0 for what nothing moves, whose value is the largest of all, or 1; `stopped`: the time at which the
-    pilot run gave up, if it did; `unknown`: the states without information, whose magnitude is what sources could bring, and a small fraction of it then.
+    pilot run gave up, if it did; `unknown`: the states without information, whose magnitude is what sources could bring, and a small fraction of it then;
+    `resting`: those that only rounding moves, whose tolerance is a part of their rounding level.
     """
 
     values: Any
     moved: Any
     stopped: float | None
     unknown: tuple[str, ...]
+    resting: tuple[str, ...]
     look: PilotObserver | None  # the pilot run; None without states
 
     def by_name(self, names: Sequence[str]) -> dict[str, float]:
@@ -96,8 +108,15 @@ def nominal_magnitudes(
         peak, stopped = np.maximum(peak, look.largest), look.stopped
     elif len(peak):
         peak = np.maximum(peak, _without_states(constraints, state, stretches))
+    sizes = np.where(given > 0, given, peak)
     levels = rounding_levels(mechanisms, constraints, state, stretches[0])
-    result = raised(program, mechanisms, np.where(given > 0, given, peak), levels)
+    levels = np.maximum(levels, _cancelled(constraints, mechanisms, state, sizes, stretches))
+    result = raised(program, mechanisms, sizes, levels)
+    resting = (levels > 0) & (result <= RESTING * np.maximum(levels, _levels_at_rest(program, result, levels)))
+    if resting.any():
+        rtol = LEFT if choice is None else choice.rtol
+        noise = _noise(constraints, state, sizes, resting, stretches) / rtol
+        result = np.where(resting, np.maximum(above_rounding(rtol) * result, noise), result)
     unknown = (result == 0) | ~np.isfinite(result)
     values = result
     if unknown.any():
@@ -105,8 +124,47 @@ def nominal_magnitudes(
         charged = chargeable(constraints, state, stretches, np.where(unknown, 0.0, result))
         result[unknown] = share * charged[unknown]
         values = np.where(result > 0, result, share * (charged.max() or 1.0))
-    names = tuple(program.variables.names[i] for i in np.flatnonzero(unknown))
-    return Magnitudes(values, result, stopped, names, look)
+    names, still = (tuple(program.variables.names[i] for i in np.flatnonzero(some)) for some in (unknown, resting))
+    return Magnitudes(values, result, stopped, names, still, look)
+
+
+def above_rounding(rtol: float) -> float:
+    """Return the factor on rounding levels with which relative tolerances of what rests are a part `LEFT` of these, at least."""
+    return max(1.0, LEFT / rtol)
+
+
+def _noise(constraints: Constraints, state: Array, sizes: Array, resting: Array, stretches: Sequence[Segment]) -> Any:
+    """Return what rounding moves in the whole run of states that rest in an open mechanism: rates change so much with the last digits of the others."""
+    program, first = constraints.program, stretches[0]
+    if constraints or program.unknowns.names:
+        return np.zeros(len(sizes))
+    whole, place = stretches[-1].stop - first.start, np.where(resting, state, np.maximum(sizes, np.abs(state)))
+    fixed = constraints.inputs, constraints.constants, first.mode
+    places = [place * (1 + k * np.finfo(float).eps * (1 + np.arange(len(place)) % 3)) for k in range(DIGITS)]
+    rates = np.array([program.derivative(first.start, p, *fixed) for p in places])
+    slopes = np.where(resting, np.abs(program.jacobian(first.start, place, *fixed)), 0.0)
+    moved = np.where(resting, whole * np.ptp(rates, axis=0), 0.0)
+    return np.nan_to_num(np.maximum(moved, whole * (slopes @ moved)), nan=0.0, posinf=0.0)
+
+
+def _cancelled(
+    constraints: Constraints, mechanisms: Sequence[str], state: Array, sizes: Array, stretches: Sequence[Segment]
+) -> Any:
+    """Return the rounding level of lengths and speeds of open mechanisms whose terms cancel, as of a cart that carries mirrored pendulums; 0 for others.
+
+    A step of a pilot run adds the terms of a rate over its length, or over the time in which the state itself decays.
+    """
+    program, first = constraints.program, stretches[0]
+    owned = smallest_angles(program, mechanisms, ("m", "m/s")) > 0
+    small = owned & (sizes < SMALLEST_ANGLE * sizes.max(initial=0.0))
+    if constraints or program.unknowns.names or not small.any():
+        return np.zeros(len(sizes))
+    places = np.array([state, sizes])
+    slopes = np.abs(program.jacobian(first.start, places, constraints.inputs, constraints.constants, first.mode)).max(0)
+    step = (stretches[-1].stop - first.start) / STEPS
+    terms = step * slopes / (1 + step * np.diag(slopes))[:, None]
+    levels = np.where(small, SMALLEST_ANGLE * (terms @ sizes), 0.0)
+    return np.maximum(levels, np.where(small, terms @ levels, 0.0))
 
 
 def _without_states(constraints: Constraints, state: Array, stretches: Sequence[Segment]) -> Any:

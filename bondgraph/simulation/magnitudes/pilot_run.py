@@ -20,22 +20,24 @@ from ..integrators.pilot.schedule import Conditions, StepSchedule
 from ..loops.loops import Eliminated, LoopSolver
 from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, always, follower, signals_on
-from .free_response import LARGEST, FreeResponse, free_response, in_whole_state
+from .free_response import LARGEST, FreeResponse, free_response, in_whole_state, slopes_of
 
 STEPS = 60  # steps of the pilot run
 COARSE = 1000  # factor on the part of a signal that a step of the run may overlook
 EXPLODED = 1e3  # growth factor in the second half of the run that counts as explosion
 STIFFER = 1e4  # ratio of rates to those at the start beyond which the free linear motion is not valid
 SMALLEST_STEP = 1e-12  # fraction of the whole run: with shorter steps the pilot run ends
+LEFT = 1e-2  # relative to rounding levels: least absolute tolerance of what only rounding moves
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: smaller values that symmetry leaves are rounding
 
 
 @dataclass(frozen=True, slots=True)
 class PilotObservation:
-    """Changes that end a pilot run: of the state selection, and of the conditions of events, with their truth in a mode."""
+    """Changes that end a pilot run: of the state selection, and of the conditions of events, with their truth in a mode; `rtol`: tolerance of the run."""
 
     choice: Choice
     conditions: Callable[[Array], Conditions] | None = None
+    rtol: float = LEFT
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,16 +53,16 @@ class PilotObserver:
     sure: Any
 
 
-def smallest_angles(program: Program, mechanisms: Sequence[str] = ()) -> Any:
-    """Return the rounding level of angles of mechanisms and of their rates, for all states and unknowns; 0 for others.
+def smallest_angles(program: Program, mechanisms: Sequence[str] = (), kinds: Sequence[str] = ("1", "1/s")) -> Any:
+    """Return the rounding level of angles of mechanisms and of their rates, or of other `kinds`, for all states and unknowns; 0 for others.
 
     Other states with unit 1, as all in a model of bare numbers, may be as small as they like.
     """
-    kept, key = program.kept, ("angles", tuple(mechanisms))
+    kept, key = program.kept, ("angles", tuple(mechanisms), kinds)
     if key not in kept:
         names, units = program.variables.names, program.variables.units
         owned = [any(name.startswith(f"{m}.") for m in mechanisms) for name in names]
-        angles = [o and unit in ("1", "1/s") for o, unit in zip(owned, units, strict=True)]
+        angles = [o and unit in kinds for o, unit in zip(owned, units, strict=True)]
         kept[key] = np.where(angles, SMALLEST_ANGLE, 0.0)
     return kept[key]
 
@@ -137,7 +139,7 @@ class PilotRun:
         if self.differential.all():
             if len(self.state) > LARGEST:  # a large matrix is not even formed
                 return None
-            jacobian, basis = self.program.jacobian(first.start, self.state, *fixed), None
+            jacobian, basis = slopes_of(self.program, first.start, self.state, *fixed, self.smallest), None
         elif len(self.eliminated.places) == len(self.state) - count:
             basis = self.constraints.tangents(first.start, self.state, first.mode)
             jacobian = self._on_constraints(first, basis)

@@ -97,7 +97,7 @@ def is_usual(state: Array, steps: int) -> bool:
 
 
 def growth_notes(context: SegmentContext, time: float, state: Array, notes: Sequence[str]) -> list[str]:
-    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if its magnitude was given, or after a first note in `notes`.
+    """Return a note on the state farthest beyond its magnitude at the end of a segment; none if that was given or guessed, or after a first note in `notes`.
     `state`: divided by the magnitudes.
 
     One that nothing moved in the pilot run (behind a dead time, before an event) has the magnitude that others of its unit lend it, and is measured
@@ -111,7 +111,8 @@ def growth_notes(context: SegmentContext, time: float, state: Array, notes: Sequ
         return []
     sizes = tolerances.magnitude[:count]
     lending = largest_of_group(sizes, unit_numbers(context.program)[:count])
-    far = np.where(tolerances.held[:count], 0.0, np.where(sizes > LENT * lending, far, far * sizes / lending))
+    vague = (tolerances.held | tolerances.guessed)[:count]
+    far = np.where(vague, 0.0, np.where(sizes > LENT * lending, far, far * sizes / lending))
     if not (far > BEYOND).any():
         return []
     worst = int(np.argmax(far))

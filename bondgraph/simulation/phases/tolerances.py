@@ -12,7 +12,13 @@ from ...errors import UsageError
 from ...results.records import ToleranceDoubt
 from ..constraints.constraints import Constraints
 from ..integrators.pilot.schedule import Conditions
-from ..magnitudes.nominal_magnitudes import Magnitudes, nominal_magnitudes, of_what_moved, rounding_levels
+from ..magnitudes.nominal_magnitudes import (
+    Magnitudes,
+    above_rounding,
+    nominal_magnitudes,
+    of_what_moved,
+    rounding_levels,
+)
 from ..magnitudes.pilot_run import PilotObservation, PilotObserver
 from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment
@@ -65,7 +71,7 @@ class MagnitudeSearch:
 
     `state`: where pilot runs start; `known`: magnitudes by name; `peaks`: largest absolute values before this phase; `choice`: a monitor of the
     state selection; `coarse`: the largest values of a coarse run through the events, with the magnitudes up to the first, and the time at which other
-    junctions go on or off, infinite if none do.
+    junctions go on or off, infinite if none do; `rtol`: relative tolerance.
     """
 
     constraints: Constraints
@@ -76,6 +82,7 @@ class MagnitudeSearch:
     peaks: Any
     choice: Callable[[], Choice]
     coarse: Callable[[Array], tuple[Array, float]]
+    rtol: float
 
     def magnitudes(self, events: Events | None) -> PhaseMagnitudes:
         """Return the magnitudes; `events` are measured by them."""
@@ -84,8 +91,8 @@ class MagnitudeSearch:
         names = self.constraints.program.variables.names
         if all(n in self.known for n in names):
             return PhaseMagnitudes(np.array([self.known[n] for n in names]), None, self.known, self.known)
-        nominal = self._nominal(PilotObservation(self.choice()), self.peaks)
-        return PhaseMagnitudes(nominal.values, nominal.doubts, self.known, nominal.by_name(names))
+        nominal = self._nominal(PilotObservation(self.choice(), rtol=self.rtol), self.peaks)
+        return PhaseMagnitudes(nominal.values, nominal.doubts, self.known, nominal.by_name(names), nominal.resting)
 
     def _nominal(
         self, observation: PilotObservation, largest: Array | float = 0.0, look: PilotObserver | None = None
@@ -108,9 +115,9 @@ class MagnitudeSearch:
         guessed: Sequence[str] = ()
         if known and self.mechanisms:
             levels = rounding_levels(self.mechanisms, self.constraints, self.state, self.stretches[0])
-            known = of_what_moved(known, program, levels)
+            known = of_what_moved(known, program, above_rounding(self.rtol) * levels)
         if not all(n in known for n in names):
-            first = self._nominal(PilotObservation(self.choice(), conditions))
+            first = self._nominal(PilotObservation(self.choice(), conditions, self.rtol))
             events.measure_anew(first.moved, at)
             largest, until = self.coarse(first.values)
             largest = np.maximum(largest, self.peaks)
@@ -118,8 +125,8 @@ class MagnitudeSearch:
             if before := [s.up_to(s.start, min(s.stop, until)) for s in self.stretches if s.start < until < np.inf]:
                 # the look went on with a program that does not hold there: behind a switch that stays closed a current grows without end
                 search, look = replace(self, stretches=before), None
-            nominal = search._nominal(PilotObservation(self.choice(), conditions), largest, look)
-            doubts, guess, guessed = nominal.doubts, nominal.values, nominal.unknown
+            nominal = search._nominal(PilotObservation(self.choice(), conditions, self.rtol), largest, look)
+            doubts, guess, guessed = nominal.doubts, nominal.values, (*nominal.unknown, *nominal.resting)
             known = nominal.by_name(names) | dict(known)
         moved = np.array([known.get(n, 0.0) for n in names])
         events.measure_anew(moved, at)

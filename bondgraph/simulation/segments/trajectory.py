@@ -18,13 +18,15 @@ from .transition import PhaseTransition
 class Tolerances:
     """Relative tolerance, and absolute tolerance and magnitude per state, in SI; shape (n,).
 
-    `held` marks the absolute tolerances that the author gave; the others grow with a state that exceeds its magnitude.
+    `held` marks the absolute tolerances that the author gave; the others grow with a state that exceeds its magnitude. `guessed` marks magnitudes
+    of what nothing has moved.
     """
 
     relative: float
     absolute: Any
     magnitude: Any
     held: Any
+    guessed: Any = False
     kept: dict[object, Any] = field(
         default_factory=dict, compare=False
     )  # what steps with them leave to other phases of the program
