@@ -1,6 +1,8 @@
-"""Coordinates of mechanisms that only rounding moves: their tolerances stay above it, and no growth is told of them."""
+"""Magnitudes of what rests: coordinates of mechanisms that only rounding moves, and states that move late."""
 
 from __future__ import annotations
+
+import math
 
 import pytest
 
@@ -56,3 +58,21 @@ def test_a_cart_that_mirrored_pendulums_leave_at_its_place(gravity: str) -> None
 def test_what_turns_late_does_not_grow_without_bound() -> None:
     run = bondgraph.load(CORNER).simulate(to="0.3 s", points=2)
     assert abs(run.final("phi") - 0.349) > 0.1 and not run.notes
+
+
+@pytest.mark.parametrize("solver", ["rodas", "radau", "explicit"])
+@pytest.mark.parametrize(("place", "width"), [(777.77, 1e-3), (50.0, 1e-2), (421.3, 1e-4)])
+def test_a_state_that_rests_until_a_bell_of_another_moves_it(solver: str, place: float, width: float) -> None:
+    """Its magnitude was what the force could bring in the whole run, 1000 N*s, so that all of 1.8e-3 N*s was within the tolerance."""
+    text = f"""model B {{
+      signal s = integral(1 [1/s], 0)
+      MSe push : F = 1 N*exp(-((s - {place})/{width})^2)
+      I m : p = 1 [kg]*v
+      R r : F = 1e-3 [N*s/m]*v
+      1 j
+      push -> j -> m, r
+      output p = m.p
+    }}"""
+    run = bondgraph.load(text).simulate(to="1000 s", points=2, solver=solver)
+    moved = width * math.sqrt(math.pi) * math.exp(-1e-3 * (1000 - place))
+    assert run.final("p") == pytest.approx(moved, rel=1e-5) or run.warnings

@@ -113,17 +113,16 @@ def nominal_magnitudes(
     levels = np.maximum(levels, _cancelled(constraints, mechanisms, state, sizes, stretches))
     result = raised(program, mechanisms, sizes, levels)
     resting = (levels > 0) & (result <= RESTING * np.maximum(levels, _levels_at_rest(program, result, levels)))
-    if resting.any():
+    if resting.any() and not constraints:  # beside closed loops tolerances have a lower bound of their own
         rtol = LEFT if choice is None else choice.rtol
         noise = _noise(constraints, state, sizes, resting, stretches) / rtol
         result = np.where(resting, np.maximum(above_rounding(rtol) * result, noise), result)
     unknown = (result == 0) | ~np.isfinite(result)
     values = result
     if unknown.any():
-        share = 1.0 if stopped is None else CAUTIOUS
-        charged = chargeable(constraints, state, stretches, np.where(unknown, 0.0, result))
-        result[unknown] = share * charged[unknown]
-        values = np.where(result > 0, result, share * (charged.max() or 1.0))
+        charged = CAUTIOUS * chargeable(constraints, state, stretches, np.where(unknown, 0.0, result))
+        result[unknown] = charged[unknown]
+        values = np.where(result > 0, result, charged.max() or CAUTIOUS)
     names, still = (tuple(program.variables.names[i] for i in np.flatnonzero(some)) for some in (unknown, resting))
     return Magnitudes(values, result, stopped, names, still, look)
 
@@ -136,7 +135,7 @@ def above_rounding(rtol: float) -> float:
 def _noise(constraints: Constraints, state: Array, sizes: Array, resting: Array, stretches: Sequence[Segment]) -> Any:
     """Return what rounding moves in the whole run of states that rest in an open mechanism: rates change so much with the last digits of the others."""
     program, first = constraints.program, stretches[0]
-    if constraints or program.unknowns.names:
+    if program.unknowns.names:
         return np.zeros(len(sizes))
     whole, place = stretches[-1].stop - first.start, np.where(resting, state, np.maximum(sizes, np.abs(state)))
     fixed = constraints.inputs, constraints.constants, first.mode
