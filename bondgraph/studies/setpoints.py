@@ -48,8 +48,8 @@ def invert_file(
     graph = compilation.whole_graph
     settable = {n: q for n, q in graph.quantities.items() if q.role in ("parameter", "input")}
     outputs = model.compilation(model.scene(None)).whole_graph.outputs
-    known = {**settable, **outputs}
-    columns = read_columns(name, {n: q.kind for n, q in known.items()})
+    quantities = {**settable, **outputs}
+    columns = read_columns(name, {n: q.kind for n, q in quantities.items()})
     wanted = _checked(name, columns, outputs, settable, settings, inputs)
     held = SetpointStudy(tuple(inputs), wanted, experiment, tuple(settings.items()))
     if "time" in columns:
@@ -62,7 +62,7 @@ def invert_file(
     points = [dict(zip(columns, map(float, row), strict=True)) for row in np.array(list(columns.values())).T]
     found = made(model, held, points, workers or ALONE)
     shown = {r.name: (r.unit, r.scale, r.offset) for r in compilation.plan.report}
-    swept = {n: known[n].unit for n in columns}
+    swept = {n: quantities[n].unit for n in columns}
     return Outcome(
         graph.name, compilation.plan.experiment, swept, found, {n: s for n, s in shown.items() if n in swept}
     )

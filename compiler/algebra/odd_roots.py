@@ -107,10 +107,10 @@ def _end_at_zero(x: Expression) -> tuple[Apply, Expression, float] | None:
             pass
         case _:
             return None
-    held = Symbol("magnitude")
+    placeholder = Symbol("magnitude")
     for node in operations(base):
         if node.operator == "abs" or (node.operator == "max" and ZERO in node.operands):
-            parts = affine_parts(_put(base, node, held), held)
+            parts = affine_parts(_put(base, node, placeholder), placeholder)
             if parts is not None and parts[0] != ZERO and parts[1] == ZERO:
                 return node, parts[0], share
     return None

@@ -52,6 +52,6 @@ def with_roots_as_unknowns(system: EquationSystem) -> EquationSystem:
 @lru_cache(maxsize=4096)
 def _has_root(formula: Formula) -> bool:
     """Return True if a law has a root of a magnitude."""
-    found: list[float] = []
-    with_unknown_roots(formula.expression, lambda _, share: found.append(share))
-    return bool(found)
+    shares: list[float] = []
+    with_unknown_roots(formula.expression, lambda _, share: shares.append(share))
+    return bool(shares)

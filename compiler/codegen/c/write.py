@@ -130,9 +130,9 @@ class _File:
         return _Body(self, names).compute(expression, count)
 
     def _function(self, function: OrderedFunction, note: str, kernels: CKernels | None) -> str:
-        known = {node: f"{array}[{place}]" for node, (array, place) in function.known.items()}
-        known[Symbol(Leaf("time", 0))] = "time"
-        lines = kernels.body(function.name) if kernels is not None else _Body(self, known).write(function)
+        written_as = {node: f"{array}[{place}]" for node, (array, place) in function.known.items()}
+        written_as[Symbol(Leaf("time", 0))] = "time"
+        lines = kernels.body(function.name) if kernels is not None else _Body(self, written_as).write(function)
         unused = "".join(f" (void){a};" for a in GIVEN)
         head = f"/* {_comment(note)} */\nvoid {self.prefix}_{function.name}({ARGUMENTS})\n{{\n   {unused}"
         return "\n".join([head, *(f"    {line}" for line in lines), "}\n"])
