@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import NamedTuple, Self
 
-from ..algebra.expression import MINUS_ONE, Apply, Expression, Number, Symbol
+from ..algebra.expression import MINUS_ONE, Apply, Expression, Number, Symbol, operations
 from ..algebra.operators import CURVES, SLOPES
 from ..algebra.systems import LEADING, SYSTEMS, size_of
 from ..fast_dataclass import dataclass
@@ -386,21 +386,11 @@ class RolledFunctions:
     @classmethod
     def of(cls, lowered: Lowered, functions: Sequence[OrderedFunction]) -> Self | None:
         """Return them; None where straight-line code is short or has few equal parts."""
-        operations = sum(len(f.order) + len(f.roots) for f in functions)
-        rolled = cls(lowered, functions) if operations > LONGEST_IN_LINES else None
-        return rolled if rolled is not None and SAVING * rolled.size() < operations else None
+        straight = sum(len(f.order) + len(f.roots) for f in functions)
+        rolled = cls(lowered, functions) if straight > LONGEST_IN_LINES else None
+        return rolled if rolled is not None and SAVING * rolled.size() < straight else None
 
     def size(self) -> int:
         """Operations in all shapes."""
-        return sum(_size(k.expression) for k in self.shapes.kernels.values())
-
-
-def _size(expression: Expression | None) -> int:
-    seen: set[Expression] = set()
-    stack = [expression]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, Apply) and node not in seen:
-            seen.add(node)
-            stack.extend(node.operands)
-    return 1 + len(seen)
+        kernels = self.shapes.kernels.values()
+        return len(kernels) + sum(len([*operations(k.expression)]) for k in kernels if k.expression is not None)
