@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,8 @@ def called(*calls: tuple[str, dict[str, Any]]) -> list[str]:
         assert not any(a.is_error for a in answers)
         return ["".join(part.text for part in a.content) for a in answers]
 
-    return asyncio.run(session())
+    with ThreadPoolExecutor(1) as thread:  # a browser of another test leaves a loop in this one
+        return thread.submit(asyncio.run, session()).result()
 
 
 def test_a_mistake_is_told_and_mended() -> None:
