@@ -284,7 +284,7 @@ COUNT = {"tried": 0, "made": 0, "dependent": 0}
 
 
 @pytest.mark.machine_code
-@settings(max_examples=60, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, suppress_health_check=list(HealthCheck))
 @given(examples())
 def test_random_graphs(example: Example) -> None:
     """J is skew, R is positive semidefinite, and they give the program's rates for every graph."""
