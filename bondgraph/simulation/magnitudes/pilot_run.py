@@ -14,7 +14,7 @@ from ..constraints.constraints import Constraints
 from ..integrators.compiled.pilot_run import CompiledPilotRun, CompiledPilotStep
 from ..integrators.compiled.selection_record import selection_record
 from ..integrators.linear_algebra.sparse import FINE
-from ..integrators.outcomes import CROSSED
+from ..integrators.outcomes import CROSSED, REDUNDANT
 from ..integrators.pilot import schedule as pilot
 from ..integrators.pilot.schedule import Conditions, StepSchedule
 from ..loops.loops import Eliminated, LoopSolver
@@ -106,7 +106,8 @@ class PilotRun:
         whole, taken = stretches[-1].stop - first.start, 0
         if not whole > 0:  # a part that is shorter than rounding
             return self.largest
-        loop = self._loop(reach, None if ends is None else ends.choice)
+        one_by_one = bool(self.constraints) and self.constraints.compiled is None
+        loop = self._loop(reach, None if ends is None else ends.choice, 1 if one_by_one else pilot.MOST_STEPS)
         for stretch in stretches:
             length = stretch.stop - stretch.start
             usual = length / max(2, min(STEPS, round(STEPS * length / whole)))
@@ -124,9 +125,9 @@ class PilotRun:
                 self.sure = self.largest
                 if answer == CROSSED:
                     return np.maximum(self.largest, np.abs(self.state))
-                if answer != FINE and pace.size < pace.smallest:
+                if answer not in (FINE, REDUNDANT) and pace.size < pace.smallest:
                     return self._given_up(first.start, pace.time)
-                if self.constraints and pace.time > before:
+                if answer == REDUNDANT or (one_by_one and pace.time > before):
                     self.state = self.constraints.project(pace.time, self.state, stretch.mode)
             if pace.time < stretch.stop:
                 return self._given_up(first.start, pace.time)
@@ -165,19 +166,21 @@ class PilotRun:
         found = self.program.jacobian(first.start, there, self.inputs, self.constants, first.mode)
         return bool(reach.fastest > 0 and not reach.is_slower_than(STIFFER * reach.fastest, found))
 
-    def _loop(self, reach: FreeResponse | None, choice: Choice | None) -> CompiledPilotRun:
-        """Return the loop over steps of the source; it returns after each step that needs a projection."""
-        others = {}
+    def _loop(self, reach: FreeResponse | None, choice: Choice | None, most: int) -> CompiledPilotRun:
+        """Return the loop over steps of the source, which returns after `most` of them; in machine code it projects each on the constraints."""
+        others, flags = {}, dict.fromkeys(("guessing", "multiplying", "projecting"), False)
+        flags["projecting"] = self.constraints.compiled is not None
         if not self.differential.all():
             loops = LoopSolver(self.program, self.constants, self.inputs, self.largest)
-            if loops.affine:
-                others["closed"] = self.constraints.always_compiled(self.program.native is not None).values
-            else:
+            flags["multiplying"], flags["guessing"] = loops.affine, not loops.affine
+            if not loops.affine:
                 others["loops"] = loops.system(0.0, self.state, self.compiled.values["mode"], slice(None))
+        if flags["multiplying"] or flags["projecting"]:
+            others["closed"] = self.constraints.always_compiled(self.program.native is not None).values
         if choice:
             others["selection"] = selection_record(choice)
         motion = None if reach is None else (reach.amplitudes, reach.inverse, reach.scale)
-        return CompiledPilotRun(self.compiled, motion, others, 1 if self.constraints else pilot.MOST_STEPS)
+        return CompiledPilotRun(self.compiled, motion, others, flags, most)
 
     def _given_up(self, start: float, time: float) -> Any:
         """Return the magnitudes where the pilot run ends before the run does."""

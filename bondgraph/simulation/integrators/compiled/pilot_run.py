@@ -13,6 +13,7 @@ from ...segments.timeline import mode_size
 from ..linear_algebra.factorise import is_large
 from ..linear_algebra.factors import Factors
 from ..linear_algebra.sparse import ANEW
+from ..outcomes import REDUNDANT
 from ..pilot.loop import PilotWorkspace
 from ..pilot.schedule import MOST_STEPS, Conditions, Progress, StepSchedule, unit_numbers
 from ..pilot.step import Euler
@@ -72,10 +73,10 @@ class CompiledPilotRun:
     """Loop over these steps."""
 
     def __init__(
-        self, steps: CompiledPilotStep, motion: tuple[Any, Any, Any] | None, others: Mapping[str, RecordArray | Plain], most: int
+        self, steps: CompiledPilotStep, motion: tuple[Any, Any, Any] | None, others: Mapping[str, RecordArray | Plain], flags: Mapping[str, bool], most: int
     ) -> None:  # fmt: skip
         """`motion`: amplitudes, inverse and scale of the modes of the free motion from the start, if its reach counts; `others`: records of loops, of
-        constraints with multipliers and of the state selection, if there are any; `most`: steps of a call."""
+        constraints and of the state selection, if there are any; `flags`: what is made of them; `most`: steps of a call."""
         self.euler, self.most, n = steps, most, steps.record.n
         nothing, ones = np.zeros((0, 0)), np.ones(n)
         shapes, inverse, unit = motion or (nothing, nothing, ones)
@@ -83,7 +84,7 @@ class CompiledPilotRun:
             "euler": steps.values, "reaching": int(motion is not None), "amplitudes": shapes.ravel(), "inverse_re": inverse.real.ravel(),
             "inverse_im": inverse.imag.ravel(), "unit": unit, **dict.fromkeys(("state", "far", "until"), ones),
         }  # fmt: skip
-        fields |= {"guessing": int("loops" in others), "multiplying": int("closed" in others), **others}
+        fields |= {**flags, **others}
         self.modes = [record["mode"] for record in (steps.values, others.get("closed")) if record is not None]
         program, native = steps.program, steps.program.native is not None
         self.values = record_for(PilotWorkspace, program, "", lambda: _room_of_loop(program), fields, native)
@@ -112,5 +113,6 @@ class CompiledPilotRun:
                 break
             order.record.tolerant = 1
         pace.time, pace.size, pace.taken = record.time, record.size, record.taken
-        run.state, run.largest, run.noted = values["state"], euler["largest"].copy(), record.noted
+        run.state = values["state" if answer != REDUNDANT else "found"]  # as it was before it was projected
+        run.largest, run.noted = euler["largest"].copy(), record.noted
         return answer

@@ -12,8 +12,8 @@ from compiler.api import Floats, Ints, Record, sized
 
 from ..linear_algebra.sparse import ANEW, FINE, SINGULAR
 from ..loop_newton import LoopSystem, solve_loops
-from ..outcomes import CROSSED
-from ..projection.projection import ProjectionWorkspace, put_multipliers
+from ..outcomes import CROSSED, REDUNDANT
+from ..projection.projection import ProjectionWorkspace, project, put_multipliers
 from ..selection import StateSelection, is_steep
 from ..workspace import Function
 from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SLIGHT
@@ -53,12 +53,14 @@ class PilotWorkspace(Record):
     guessing: int  # 1 if there are unknowns of loops
     loops: LoopSystem
     multiplying: int  # 1 if they are multipliers of loop joints, which the program computes directly
+    projecting: int  # 1 if a step ends on the constraints
     closed: ProjectionWorkspace
     selection: StateSelection
 
 
 def coarse(c: PilotWorkspace) -> int:
-    """Make steps; return `FINE` where Python must act, `ANEW` if the factors need another order, `SINGULAR` if no step is short enough, `CROSSED`."""
+    """Make steps; return `FINE` where Python must act, `ANEW` if the factors need another order, `SINGULAR` if no step is short enough, `CROSSED`,
+    `REDUNDANT`."""
     while c.taken < c.most_steps:
         size = c.usual if c.taken + 1 == CAREFUL else c.size
         if c.time + 1.001 * size >= c.stop:
@@ -71,7 +73,8 @@ def coarse(c: PilotWorkspace) -> int:
 
 
 def pilot_step(c: PilotWorkspace) -> int:
-    """Make one step, which may end the segment; return `FINE`, `CROSSED`, `ANEW` if the factors need another order, or `SINGULAR` if it fails."""
+    """Make one step, which may end the segment; return `FINE`, `CROSSED`, `ANEW` if the factors need another order, `SINGULAR` if it fails, or `REDUNDANT`
+    where constraints depend on each other, and Python projects what was found."""
     done = sure_step(c, c.euler, c.taken + 1 < CAREFUL)
     if done == ANEW:
         return ANEW
@@ -90,7 +93,7 @@ def pilot_step(c: PilotWorkspace) -> int:
     if c.reaching != 0:
         reached(c, c.euler)
     note(c, c.euler)
-    return FINE
+    return REDUNDANT if c.projecting != 0 and project(c.closed, c.time, c.state) > 0 else FINE
 
 
 def go_on(c: PilotWorkspace) -> None:
