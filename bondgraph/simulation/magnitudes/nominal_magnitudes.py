@@ -92,12 +92,12 @@ def nominal_magnitudes(
     peak = np.maximum(np.abs(state), largest)
     stopped = None
     if look is None and len(program.states.names):
-        free: list[Any] = []
+        coarse: PilotRun | None = None
         smallest = smallest_levels(mechanisms, constraints, state, stretches[0])
 
         def look_along(way: Sequence[Segment]) -> PilotObserver:
-            coarse = PilotRun(constraints, state, smallest)
-            coarse.free = free  # all begin at one state
+            nonlocal coarse
+            coarse = PilotRun(constraints, state, smallest, coarse)  # all begin at one state
             return PilotObserver(coarse.peak(way, choice), coarse.beginning, coarse.stopped, coarse.sure)
 
         first = stretches[0]

@@ -80,22 +80,29 @@ def smallest_speeds(constraints: Constraints, state: Array, first: Segment) -> A
 class PilotRun:
     """Pilot run by implicit Euler in about 60 steps; a step is halved where Newton's method fails."""
 
-    def __init__(self, constraints: Constraints, state: Array, smallest: Array | None = None) -> None:
-        """`smallest`: rounding levels, shape (n,)."""
+    def __init__(
+        self, constraints: Constraints, state: Array, smallest: Array | None = None, before: PilotRun | None = None
+    ) -> None:
+        """`smallest`: rounding levels, shape (n,); `before`: another run from this state, with what it looks at."""
         self.constraints, self.program = constraints, constraints.program
         self.constants, self.inputs = constraints.constants, constraints.inputs
         self.state, self.largest = np.array(state, dtype=float), np.abs(state)
         self.sure = self.largest  # without the step that changed a condition
         self.stopped: float | None = None  # time at which it gave up
         self.beginning = self.largest  # magnitudes with the reach of the motion by the forces at the start
-        self.free: list[Any] = []  # that reach, and these magnitudes, where another run from this state has found them
+        # that reach, and these magnitudes, where another run from this state has found them
+        self.free: list[Any] = [] if before is None else before.free
         self.differential = np.arange(len(state)) < constraints.count
         self.smallest = np.zeros(len(state)) if smallest is None else smallest
         self.noted = 0  # number of records of time and magnitudes
         self.far, self.until = np.zeros(pilot.NOTES), np.zeros((pilot.NOTES, len(state)))
         self.eliminated = Eliminated(self.program)
         self.rows, self.columns = self.program.pattern
-        self.compiled = CompiledPilotStep(self.program, self.inputs, self.constants, self.smallest)
+        self.loop: CompiledPilotRun | None = None
+        if before is not None and not before.compiled.record.sparse:  # its factors are of no use to others
+            self.compiled, self.loop = before.compiled, before.loop
+        else:
+            self.compiled = CompiledPilotStep(self.program, self.inputs, self.constants, self.smallest)
 
     def peak(self, stretches: Sequence[Segment], ends: PilotObservation | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""
@@ -107,7 +114,10 @@ class PilotRun:
         if not whole > 0:  # a part that is shorter than rounding
             return self.largest
         one_by_one = bool(self.constraints) and self.constraints.compiled is None
-        loop = self._loop(reach, None if ends is None else ends.choice, 1 if one_by_one else pilot.MOST_STEPS)
+        loop = self.loop or self._loop(
+            reach, None if ends is None else ends.choice, 1 if one_by_one else pilot.MOST_STEPS
+        )
+        self.loop = loop
         for stretch in stretches:
             length = stretch.stop - stretch.start
             usual = length / max(2, min(STEPS, round(STEPS * length / whole)))

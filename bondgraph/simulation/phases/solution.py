@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import ne
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from compiler.api import Array, StateSpace
 
     from ..truncation.mode_truncation import Removal
+
+
+MANY_CHANGES = 8  # of the mode, from which on one call for all instants is faster than one for each mode
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,10 @@ class PhaseSolution:
             parts.append(len(instants))
             watch.look(instants[-1:], modes[-1], lambda times: np.repeat(final, len(times), axis=0))
         begin, keys = parts[0], [mode.tobytes() for mode in modes]  # events return to a mode
+        if self.constraints.program.native is not None and sum(map(ne, keys, keys[1:])) >= MANY_CHANGES:
+            of_each = np.repeat(modes, np.diff(parts), axis=0)
+            values[begin : parts[-1]] = self.output(instants[begin : parts[-1]], states[begin : parts[-1]], of_each)
+            return values
         for mode, key, after, end in zip(modes, keys, [*keys[1:], None], parts[1:], strict=True):
             if key != after:
                 if begin < end:
