@@ -23,15 +23,17 @@ from bondgraph.simulation.integration import method
 from bondgraph.simulation.integrators import exponential
 from bondgraph.simulation.integrators.compiled import run as compiled
 from bondgraph.simulation.integrators.compiled.ordering import on_diagonal, ordered
-from bondgraph.simulation.integrators.compiled.pilot_run import CompiledPilotRun
+from bondgraph.simulation.integrators.compiled.pilot_run import CompiledPilotRun, CompiledPilotStep
 from bondgraph.simulation.integrators.compiled.record_layout import RecordArray, form_of
-from bondgraph.simulation.integrators.linear_algebra.sparse import Pattern
+from bondgraph.simulation.integrators.linear_algebra.sparse import FINE, Pattern
+from bondgraph.simulation.integrators.outcomes import REDUNDANT
 from bondgraph.simulation.magnitudes.free_response import balance
 from bondgraph.simulation.magnitudes.pilot_run import PilotRun
-from bondgraph.simulation.phases import start
+from bondgraph.simulation.phases import solution, start, tolerances
 from bondgraph.simulation.run import PlannedRun
 from tests.benchmarks import large_models
 from tests.compiling import MODELS
+from tests.event_models import BALL
 from tests.library.test_ideal_switching import CUK
 
 pytestmark = pytest.mark.machine_code
@@ -247,6 +249,68 @@ def test_what_swings_is_looked_at_in_equal_steps(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(CompiledPilotRun, "go", go)
     bondgraph.load(MODELS / "manipulator.bg").simulate("push_x", points=2)
     assert 50 < max(tries) < 70
+
+
+def test_machine_code_projects_pilot_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its steps of a closed mechanism are, bit by bit, those after each of which Python projects."""
+    found: list[Any] = []
+    calls: list[str] = []
+    search, original = tolerances.nominal_magnitudes, CompiledPilotRun.go
+    monkeypatch.setattr(tolerances, "nominal_magnitudes", lambda *a: found.append(search(*a)) or found[-1])
+
+    def go(loop: CompiledPilotRun, source: str, run: Any, pace: Any, *others: Any) -> int:
+        calls.append(source)
+        if len(found):
+            loop.most, loop._record.projecting, before = 1, 0, pace.time
+        answer = original(loop, source, run, pace, *others)
+        return REDUNDANT if len(found) and answer == FINE and pace.time > before else answer
+
+    monkeypatch.setattr(CompiledPilotRun, "go", go)
+    for many in (False, True):
+        calls.clear()
+        bondgraph.load(MODELS / "four_bar.bg").simulate(to=0.02, points=2)
+        assert (len(calls) > 50) == many
+    np.testing.assert_array_equal(found[0].values, found[1].values)
+
+
+def test_pilot_runs_from_one_state_share_their_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = """model Falling {
+      I mass : p = 1 kg*v
+      R drag : F = 1e-9 [N*s^2/m^2]*v*abs(v)
+      Se weight : F = 10 N
+      weight -> 1(mass, drag)
+      output v = mass.v
+      experiment fall { simulate 0 .. 100 s }
+    }"""
+    made: list[int] = []
+    looks: list[Any] = []
+    begin, peak = CompiledPilotStep.__init__, PilotRun.peak
+    monkeypatch.setattr(CompiledPilotStep, "__init__", lambda *given: (made.append(1), begin(*given))[1])
+
+    def alone(run: PilotRun, *given: Any) -> Any:
+        found = peak(run, *given)
+        other = PilotRun(run.constraints, np.zeros(1), run.smallest)
+        looks.append((found, peak(other, *given)))
+        return found
+
+    monkeypatch.setattr(PilotRun, "peak", alone)
+    bondgraph.load(text).simulate(points=2)
+    assert len(looks) > 2 and len(made) == len(looks) + 1
+    for shared, own in looks:
+        np.testing.assert_array_equal(shared, own)
+
+
+def test_outputs_of_many_modes_are_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = bondgraph.load(BALL)
+    calls: list[Any] = []
+    original = solution.PhaseSolution.output
+    monkeypatch.setattr(solution.PhaseSolution, "output", lambda *given: calls.append(1) or original(*given))
+    at_once = model.simulate()
+    assert len(calls) <= 2
+    monkeypatch.setattr(solution, "MANY_CHANGES", np.inf)
+    one_by_one = model.simulate()
+    assert len(calls) > len(at_once.events) / 2 > 2
+    np.testing.assert_array_equal(at_once.values, one_by_one.values)
 
 
 def called_in(run: Callable[[], object]) -> list[str]:

@@ -83,12 +83,6 @@ def with_mode(space: CompiledScene, constraints: Constraints, state: Array, firs
     )
 
 
-def off_in(constraints: Constraints, full: Array, first: Segment) -> tuple[str, ...]:
-    """Return the junctions that are off before any event acts."""
-    indicators = EventIndicators(constraints, np.abs(full), 1.0)
-    return indicators.actives(HybridState(first.start, full, first.mode))
-
-
 def begun(
     constraints: Constraints, full: Array, first: Segment, horizon: float, companion: Companion | None
 ) -> tuple[Events, HybridState]:

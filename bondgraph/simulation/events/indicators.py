@@ -40,6 +40,12 @@ class HybridState:
     mode: Any
 
 
+def junctions_off(hybrid: Hybrid, at: HybridState, inputs: Array, constants: Array) -> tuple[str, ...]:
+    """Return the switched junctions that are off."""
+    active = hybrid.actives(at.time, at.state, inputs, constants, at.mode).tolist()
+    return tuple([name for (name, _), on in zip(hybrid.junctions, active, strict=True) if on != 1.0])
+
+
 @dataclass(eq=False)
 class EventIndicators:
     """Conditions of a program in a run, with its inputs and parameters. `magnitude`: of states and unknowns, 0 where it is not known."""
@@ -160,8 +166,7 @@ class EventIndicators:
 
     def actives(self, at: HybridState) -> tuple[str, ...]:
         """Return the switched junctions that are off."""
-        active = self.hybrid.actives(at.time, at.state, self.inputs, self.constants, at.mode).tolist()
-        return tuple([name for (name, _), on in zip(self.hybrid.junctions, active, strict=True) if on != 1.0])
+        return junctions_off(self.hybrid, at, self.inputs, self.constants)
 
     def solved(self, at: HybridState) -> HybridState:
         """Return a hybrid state on the constraints, with the unknowns of loops that belong to it."""

@@ -98,11 +98,11 @@ class PilotRun:
         self.far, self.until = np.zeros(pilot.NOTES), np.zeros((pilot.NOTES, len(state)))
         self.eliminated = Eliminated(self.program)
         self.rows, self.columns = self.program.pattern
-        self.loop: CompiledPilotRun | None = None
-        if before is not None and not before.compiled.record.sparse:  # its factors are of no use to others
-            self.compiled, self.loop = before.compiled, before.loop
-        else:
-            self.compiled = CompiledPilotStep(self.program, self.inputs, self.constants, self.smallest)
+        steps, loop = (None, None) if before is None else (before.compiled, before.loop)
+        if steps is None or steps.record.sparse:  # factors of another run are of no use
+            steps, loop = CompiledPilotStep(self.program, self.inputs, self.constants, self.smallest), None
+        self.compiled: CompiledPilotStep = steps
+        self.loop: CompiledPilotRun | None = loop
 
     def peak(self, stretches: Sequence[Segment], ends: PilotObservation | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""

@@ -111,10 +111,13 @@ class PhaseInitialization:
 
     def _after_events(self, before: StartOfPhase, horizon: float) -> StartOfPhase:
         """Return the start after all events at the first instant."""
-        from ..events.begin import begun, off_in
+        from ..events.begin import begun
+        from ..events.indicators import HybridState, junctions_off
 
-        constraints, full, first = self.constraints, before.state, before.first
-        without = off_in(constraints, full, first)
+        constraints, full, first, hybrid = self.constraints, before.state, before.first, self.program.hybrid
+        assert hybrid is not None
+        at = HybridState(first.start, full, first.mode)  # before any event acts
+        without = junctions_off(hybrid, at, constraints.inputs, constraints.constants)
         if before.events is not None:
             return replace(before, begins_without=without)
         events, at = begun(constraints, full, first, horizon, self.companion)
