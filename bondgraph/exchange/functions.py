@@ -115,7 +115,7 @@ FMI_2 = (
     *_of_states("FMUstate", "DeSerialize"),
     _row("NewDiscreteStates", "c: pointer, events: pointer", exchange.update_events, "c, events, events"),
     _row("CompletedIntegratorStep", "c: pointer, no_return: int, events: pointer, ends: pointer", exchange.end_step),
-    _row("GetDerivatives", "c: pointer, rates: pointer, count: size", exchange.get_rates),
+    _row("GetDerivatives", "c: pointer, value: pointer, count: size", exchange.get_rates),
     _row("DoStep", "c: pointer, time: double, size: double, no_return: int", stepping.do_step, "c, time, size"),
     _row("CancelStep", "c: pointer", values.refuse),
     *(
@@ -183,7 +183,7 @@ FMI_3 = (
         exchange.update_discrete_states,
     ),
     _row("CompletedIntegratorStep", "c: pointer, no_return: bool, events: pointer, ends: pointer", exchange.complete_step, "c, events, ends"),
-    _row("GetContinuousStateDerivatives", "c: pointer, rates: pointer, count: size", exchange.get_rates),
+    _row("GetContinuousStateDerivatives", "c: pointer, value: pointer, count: size", exchange.get_rates),
     _row("GetNumberOfEventIndicators", "c: pointer, number: pointer", exchange.count_indicators),
     _row("GetNumberOfContinuousStates", "c: pointer, number: pointer", exchange.count_states),
     _row("EnterStepMode", "c: pointer", exchange.enter_continuous),

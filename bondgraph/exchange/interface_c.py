@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from compiler.api import C_ARGUMENTS as ARGUMENTS
 from compiler.api import c_source, c_string, small_functions
 
@@ -25,28 +27,32 @@ def c_unit(image: ModelImage, token: str, prefix: str, version: FmiVersion) -> s
     declared = "".join(f"void {prefix}_{name}({ARGUMENTS});\n" for name in names)
     head = _HEAD.replace("NUMBER", version.number)
     runtime = _runtime(version)
-    parts = (head, declared, _data(image, token, prefix, version), small_functions(runtime), runtime)
-    return "\n".join([*parts, *(_in_c(version, row) for row in version.rows)])
+    return "\n".join([head, declared, _data(image, token, prefix, version), small_functions(runtime), runtime])
 
 
 def _runtime(version: FmiVersion) -> str:
-    """Return the runtime as C, the same for all models, from the cache if it is there."""
+    """Return the runtime as C and the functions of the table, the same for all models, from the cache if it is there."""
     key = cache.key_of("runtime of exported units in C", version.number)
     text = cache.fetch(key)
     if not isinstance(text, str):
         text = c_source(version.sources(), LEFT_OUT)
+        text = "\n".join([text, *(_in_c(version, row, text) for row in version.rows)])
         cache.keep(key, text)
     return text
 
 
-def _in_c(version: FmiVersion, row: FmiFunction) -> str:
-    """Return the definition of one function of the table."""
-    arguments = ", ".join(f"{TYPES[t][0]}{n}" for n, t in row.arguments)
-    types, passed = dict(row.arguments), []
-    for item in row.passed:
+def _in_c(version: FmiVersion, row: FmiFunction, runtime: str) -> str:
+    """Return the definition of one function of the table, where what the runtime only reads is constant."""
+    types, passed, written = dict(row.arguments), [], {"c"}
+    (taken,) = re.findall(rf"^[^ ].* {row.work.__name__}\((.*)\);$", runtime, re.MULTILINE)
+    for item, declared in zip(row.passed, taken.split(", "), strict=True):
         name, _, other = item.partition("=")
+        written |= set() if declared.startswith("const ") else {name}
         value = f"(int64_t){name}" if types.get(name) in ("int", "bool", "size") else name
         passed.append(f"{name} == {other} ? {value} : -1" if other else value)
+    arguments = ", ".join(
+        f"{'' if n in written or t != 'pointer' else 'const '}{TYPES[t][0]}{n}" for n, t in row.arguments
+    )
     used = " ".join(row.passed).replace("=", " ").split()
     unused = "".join(f" (void){n};" for n, _ in row.arguments if n not in used)
     call = f"{row.work.__name__}({', '.join(passed)})"
@@ -85,7 +91,7 @@ _HEAD = """/* The functions of FMI NUMBER for the program beside this file: gene
 #define EXPORT __attribute__((visibility("default")))
 #endif
 """
-_FMU_LOG = """static void fmu_log(int64_t *own, int64_t status, int64_t number)
+_FMU_LOG = """static void fmu_log(const int64_t *own, size_t status, size_t number)
 {
     void (*logger)(ARGUMENTS) = (void (*)(ARGUMENTS))(intptr_t)own[0];
     void *environment = (void *)(intptr_t)own[1];

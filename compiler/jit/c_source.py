@@ -26,7 +26,8 @@ from .kinds import (
     TranslationError,
     signature,
 )  # fmt: skip
-from .source import is_declared, tree_of
+from .source import is_declared
+from .stores import Stores
 
 _WORDS = {
     FLOAT: "double",
@@ -38,6 +39,8 @@ _WORDS = {
     BYTES: "uint8_t *",
     NOTHING: "void",
 }
+_FOR_C = {INT: "size_t", FLOAT: "double"}
+_NARROWED = {WORD: "(int32_t)", BYTE: "(uint8_t)"}
 _SIGNS = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "/", ast.Mod: "%", ast.BitAnd: "&", ast.BitXor: "^",
     ast.RShift: ">>", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.And: "&&", ast.Or: "||",
@@ -59,7 +62,7 @@ def small_functions(text: str, own: str = "") -> str:
 
 def c_source(exported: Sequence[Callable[..., Any]], left_out: Set[Callable[..., Any]] = frozenset()) -> str:
     """Definitions of these functions, after those of all functions that they call. `left_out`: functions that a call by number never reaches."""
-    writer = _CModule({f.__name__ for f in exported}, left_out)
+    writer = _CModule({f.__name__ for f in exported}, left_out, Stores(exported, left_out))
     for function in exported:
         writer.need(function)
     while writer.waiting:
@@ -83,8 +86,8 @@ def c_number(value: float) -> str:
 class _CModule:
     """Common data of the functions."""
 
-    def __init__(self, exported: set[str], left_out: Set[Callable[..., Any]]) -> None:
-        self.exported, self.left_out = exported, left_out
+    def __init__(self, exported: set[str], left_out: Set[Callable[..., Any]], stores: Stores) -> None:
+        self.exported, self.left_out, self.stores = exported, left_out, stores
         self.waiting: list[Callable[..., Any]] = []
         self.seen: set[Callable[..., Any]] = set()
         self.records: dict[str, Fields] = {}
@@ -108,8 +111,10 @@ class _CModule:
             self.lists[values] = f"static const {kind} {name}[] = {{{items}}};"
         return self.lists[values].split()[3].partition("[")[0]
 
-    def declared(self, kind: Any, name: str) -> str:
-        """Declaration of a variable or argument."""
+    def declared(self, kind: Any, name: str, written: Set[str] | None = None) -> str:
+        """Declaration of a variable or argument, `const` if a pointer is not among those that are written to."""
+        if written is not None and name not in written and (isinstance(kind, Fields) or kind in ITEMS):
+            return f"const {self.declared(kind, name)}"
         if isinstance(kind, Fields):
             self.records[kind.name] = kind
             return f"struct {kind.name} *{name}"
@@ -128,23 +133,30 @@ class _CFunction:
     """Writer of one function."""
 
     def __init__(self, writer: _CModule, function: Callable[..., Any]) -> None:
-        tree = tree_of(function)
-        self.writer, self.tree, self.home = writer, tree, function.__globals__
+        self.writer, self.tree, self.home = writer, writer.stores.trees[function], function.__globals__
+        self.written = writer.stores.written(function)
         kinds, self.result = signature(function)
-        self.arguments = dict(zip((a.arg for a in tree.args.args), kinds, strict=True))
+        self.arguments = dict(zip((a.arg for a in self.tree.args.args), kinds, strict=True))
         self.variables = dict(self.arguments)
         self.lines: list[str] = []
+        self.declared: list[str] = []  # what is used in several blocks
+        self.places: dict[str, list[ast.stmt] | None] = {}
         self.depth = 1
+        self.names: dict[ast.AST, frozenset[str]] = {}  # in each part of the function
+        for node in reversed([*ast.walk(self.tree)]):
+            inner = [self.names[x] for x in ast.iter_child_nodes(node)]
+            self.names[node] = frozenset((node.id,)) if isinstance(node, ast.Name) else frozenset().union(*inner)
 
     def text(self) -> str:
         """Definition of the function. Its declaration is added to the writer."""
         self._block(self.tree.body)
-        given = ", ".join(self.writer.declared(k, n) for n, k in self.arguments.items())
+        given = ", ".join(self.writer.declared(k, n, self.written) for n, k in self.arguments.items())
         static = "" if self.tree.name in self.writer.exported else "static "
         head = f"{static}{self.writer.declared(self.result, self.tree.name)}({given})"
         self.writer.heads.append(f"{head};")
-        local = [f"    {self.writer.declared(k, n)};" for n, k in self.variables.items() if n not in self.arguments]
-        return "\n".join([f"{head}", "{", *local, *self.lines, "}\n"])
+        read = frozenset().union(*(self.names[x] for x in self.tree.body))
+        unused = [f"    (void){name};" for name in self.arguments if name not in read]
+        return "\n".join([f"{head}", "{", *self.declared, *unused, *self.lines, "}\n"])
 
     def _line(self, text: str) -> None:
         self.lines.append("    " * self.depth + text)
@@ -165,9 +177,9 @@ class _CFunction:
             case ast.Expr(value=value):
                 self._line(f"{self._value(value)};")
             case ast.Assign(targets=[target], value=value) | ast.AnnAssign(target=target, value=ast.expr() as value):
-                if isinstance(target, ast.Name):
-                    self.variables.setdefault(target.id, self._kind(value))
-                self._line(f"{self._value(target)} = {self._value(value)};")
+                name = self._declare(target.id, self._kind(value), node) if isinstance(target, ast.Name) else ""
+                narrow = self._item(target) if isinstance(target, ast.Subscript) else ""
+                self._line(f"{name or self._value(target)} = {_NARROWED.get(narrow, '')}{self._value(value)};")
             case ast.AugAssign(target=target, op=op, value=value):
                 self._line(f"{self._value(target)} {_SIGNS[type(op)]}= {self._value(value)};")
             case ast.If():
@@ -182,7 +194,7 @@ class _CFunction:
                 self._inner(node.body)
                 self._line("}")
             case ast.For(target=ast.Name(id=name), iter=ast.Call(args=bounds)):
-                self._for(name, bounds, node.body)
+                self._for(self._declare(name, INT, node), name, bounds, node.body)
             case ast.Return(value=value):
                 self._line("return;" if value is None else f"return {self._value(value)};")
             case ast.Break() | ast.Continue():
@@ -190,13 +202,47 @@ class _CFunction:
             case _:
                 raise TranslationError(f"{type(node).__name__} is not in the subset")
 
-    def _for(self, name: str, bounds: Sequence[ast.expr], body: Sequence[ast.stmt]) -> None:
-        self.variables.setdefault(name, INT)
+    def _declare(self, name: str, kind: Any, node: ast.stmt) -> str:
+        """Return a name as a statement sets it: declared there if each use that follows is in the same block."""
+        if name not in self.variables:
+            self.variables[name] = kind
+            self.places[name] = self._declared_at(name, self.tree.body)
+            if self.places[name] is None:
+                self.declared.append(f"    {self.writer.declared(kind, name, self.written)};")
+        here = node in (self.places.get(name) or ())
+        return self.writer.declared(self.variables[name], name, self.written) if here else name
+
+    def _declared_at(self, name: str, block: Sequence[ast.stmt]) -> list[ast.stmt] | None:
+        """Return statements that may declare a variable where they set it: no use of it lies outside of their blocks; None if there are none."""
+        places: list[ast.stmt] = []
+        for statement in block:
+            if name not in self.names[statement]:
+                continue
+            match statement:
+                case ast.Assign(targets=[ast.Name(id=target)], value=value) if (
+                    target == name and not places and name not in self.names[value]
+                ):
+                    return [statement]
+                case ast.For(target=ast.Name(id=target), iter=bounds) if (
+                    target == name and name not in self.names[bounds]
+                ):
+                    places.append(statement)
+                case ast.If(test=head) | ast.While(test=head) | ast.For(iter=head) if name not in self.names[head]:
+                    for body in (statement.body, statement.orelse):
+                        inner = self._declared_at(name, body)
+                        if inner is None:
+                            return None
+                        places += inner
+                case _:
+                    return None
+        return places
+
+    def _for(self, first: str, name: str, bounds: Sequence[ast.expr], body: Sequence[ast.stmt]) -> None:
         values = [self._value(b) for b in bounds]
         start, stop = (values[0], values[1]) if len(values) > 1 else ("0", values[0])
         back = len(values) > 2 and values[2].lstrip("(").startswith("-")
         step = values[2] if len(values) > 2 else "1"
-        self._line(f"for ({name} = {start}; {name} {'>' if back else '<'} {stop}; {name} += {step}) {{")
+        self._line(f"for ({first} = {start}; {name} {'>' if back else '<'} {stop}; {name} += {step}) {{")
         self._inner(body)
         self._line("}")
 
@@ -231,8 +277,9 @@ class _CFunction:
         raise TranslationError(f"{type(node).__name__} is not in the subset")
 
     def _condition(self, node: ast.expr) -> str:
-        """Return a condition in one pair of brackets, which a comparison has already: a second one looks like a mistake to compilers."""
-        return self._value(node) if isinstance(node, ast.Compare) else f"({self._value(node)})"
+        """Return a condition in one pair of brackets, which most have already: a second one looks like a mistake to compilers."""
+        value = self._value(node)
+        return value if isinstance(node, ast.Compare | ast.BoolOp | ast.UnaryOp) else f"({value})"
 
     def _constant(self, value: Any) -> str:
         if isinstance(value, bool | int):
@@ -253,7 +300,7 @@ class _CFunction:
         return f"({a} {_SIGNS[type(node.op)]} {b})"
 
     def _call(self, node: ast.Call) -> str:
-        values = [self._argument(a) for a in node.args]
+        values = [self._value(a) for a in node.args]
         if isinstance(node.func, ast.Subscript):
             return f"({self._chosen(node.func)})({', '.join(values)})"
         if isinstance(node.func, ast.Name):
@@ -276,19 +323,12 @@ class _CFunction:
             known = self.home.get(name)
             if inspect.isfunction(known) and is_declared(known):
                 kinds = signature(known)[0]
-                values = [v if k in (INT, FLOAT) else f"(void *){v}" for v, k in zip(values, kinds, strict=True)]
+                values = [f"({_FOR_C.get(k, 'void *')}){v}" for v, k in zip(values, kinds, strict=True)]
             elif inspect.isfunction(known):
                 self.writer.need(known)
         return (
             f"{self._value(node.func) if isinstance(node.func, ast.Attribute) else node.func.id}({', '.join(values)})"  # type: ignore[attr-defined]
         )
-
-    def _argument(self, node: ast.expr) -> str:
-        """An argument of a call: functions of the subset do not say which arrays they only read, so lists of numbers are no constants to them."""
-        root = node.value if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice) else node
-        if isinstance(root, ast.Name) and root.id not in self.variables and isinstance(self.home.get(root.id), tuple):
-            return f"({_WORDS[self._kind(root)]}){self._value(node)}"
-        return self._value(node)
 
     def _chosen(self, which: ast.Subscript) -> str:
         """The item of a tuple of functions that an index names; the last for any other index."""
@@ -297,7 +337,8 @@ class _CFunction:
         present = [(i, f) for i, f in enumerate(functions) if f not in self.writer.left_out]
         for number, function in reversed(present):
             self.writer.need(function)
-            chosen = f"{index} == {number} ? {function.__name__} : {chosen}" if chosen else function.__name__
+            if chosen != function.__name__:
+                chosen = f"{index} == {number} ? {function.__name__} : {chosen}" if chosen else function.__name__
         return chosen
 
     def _kind(self, node: ast.expr) -> Any:
@@ -314,8 +355,7 @@ class _CFunction:
             case ast.Subscript(value=array, slice=index):
                 if isinstance(index, ast.Slice):
                     return self._kind(array)
-                item = ITEMS[self._kind(array)]
-                return INT if item in (WORD, BYTE) else item
+                return INT if self._item(node) in _NARROWED else self._item(node)
             case ast.UnaryOp(op=op, operand=operand):
                 return BOOL if isinstance(op, ast.Not) else self._kind(operand)
             case ast.BinOp(op=op, left=left, right=right):
@@ -335,6 +375,9 @@ class _CFunction:
             case ast.Call(func=ast.Attribute() as function):
                 return self._kind(function).result
         raise TranslationError(f"{type(node).__name__} is not in the subset")
+
+    def _item(self, node: ast.Subscript) -> str:
+        return ITEMS[self._kind(node.value)]
 
     def _wider(self, *nodes: ast.expr) -> Any:
         kinds = [self._kind(n) for n in nodes]

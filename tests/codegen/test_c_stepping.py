@@ -240,6 +240,21 @@ def test_compilers_find_nothing_to_warn_of(words: str, tmp_path: Path) -> None:
         subprocess.run([*words.split(), "-std=c11", *WARNINGS, "-c", "model.c"], cwd=tmp_path, check=True)
 
 
+@pytest.mark.skipif(not shutil.which("cppcheck"), reason="no cppcheck")
+def test_static_analysis_finds_nothing(tmp_path: Path) -> None:
+    """Of events, samples and a table; and of a linear system, whose functions come from the subset: what they read is constant, what a block uses is declared in it."""
+    net = "model Net {\n Se s : u = 1 V\n R a, b, c, d : u = 2 ohm*i\n s -> 1(a, 0(b, 1(c, d)))\n output y = d.u }"
+    texts = [servo("").replace("output ", "output k = cubic(sin(time/1 s), (-2, 1, 2), (0, 1, 0)), "), BALL, net]
+    for number, text in enumerate(texts):
+        code = bondgraph.load(text).compile("c", single=number == 1)
+        (tmp_path / f"model{number}.c").write_text(code, encoding="utf-8")
+        assert ("solve(" in code) == (text is net)
+    checks = "--enable=warning,style,performance,portability"
+    command = ["cppcheck", "--std=c11", checks, "--quiet", "--error-exitcode=1", *map(str, tmp_path.glob("*.c"))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+
+
 SWITCHED = "model A { mode on = true\n 1 a : electric { active = on }\n Se s : u = 1 V\n C c : q = 1 F*u\n R r : u = 1 ohm*i\n s -> a -> c, r\n when c.u > 0.5 V { on = false }\n output y = c.u }"
 DELAYED = "model A { mode a = 0\n signal x = integral(-delay(x, 1 s)/1 s, 1)\n every 1 s { a = x }\n output y = a + x }"
 LOOP = "model A { mode a = 0\n signal z = exp(-z - a)\n every 1 s { a = z }\n output y = z }"

@@ -363,9 +363,9 @@ def test_sources_give_the_same_bits(fmi: str, tmp_path: Path) -> None:
     folder = {"2": "linux64", "3": "x86_64-linux"}[fmi]
     library = tmp_path / "binaries" / folder / "Spring.so"
     files = [str(tmp_path / "sources" / name) for name in ("program.c", "fmu.c")]
-    flags = ("-std=c11", "-O0", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Werror")
-    more = ("-Wno-unused-function", "-Wno-unused-variable")
-    subprocess.run([compiler, *flags, *more, *files, "-lm", "-o", str(library)], check=True)
+    flags = ("-std=c11", "-O0", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden", "-Werror")
+    warnings = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wno-unused-function", "-Wno-unused-variable")
+    subprocess.run([compiler, *flags, *warnings, *files, "-lm", "-o", str(library)], check=True)
     with zipfile.ZipFile(tmp_path / "unit.fmu", "w") as archive:
         archive.write(tmp_path / "modelDescription.xml", "modelDescription.xml")
         archive.write(library, f"binaries/{folder}/Spring.so")

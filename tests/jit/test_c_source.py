@@ -167,7 +167,10 @@ def test_lists_have_the_type_of_their_items_and_are_written_once() -> None:
     assert text.count("static const double list_3[] = {1.0, 2.5, 3.0};") == 1
     assert text.count("[] = ") == 3
     assert "list_1[list_2[(i % 3)]]" in text and "list_1[0]" in text and "list_3[list_2[(i % 3)]]" in text
-    assert "static double weighted(double *x, int64_t n)" in text and "\ndouble again(double *x, int64_t n)" in text
+    assert (
+        "static double weighted(const double *x, int64_t n)" in text
+        and "\ndouble again(const double *x, int64_t n)" in text
+    )
 
 
 def test_least_and_largest_follow_the_type() -> None:
@@ -195,7 +198,34 @@ def test_numbers_are_exact(value: float, text: str) -> None:
 
 def test_a_sum_of_conditions_is_declared_as_a_whole_number() -> None:
     text = c_source([compared])
-    assert "int64_t count;" in text and "double share;" in text and "int64_t both;" in text and "more(" in text
+    assert "int64_t count = " in text and "double share = " in text and "int64_t both = " in text and "more(" in text
+
+
+def blocks(to: Floats, source: Floats, n: int) -> float:
+    rows = to[n:]
+    total = 0.0
+    for i in range(n):
+        doubled = 2.0 * source[i]
+        rows[i] = doubled
+    if n > 1:
+        last = source[0]
+    else:
+        last = 0.0
+    total += last
+    for i in range(n):
+        total += weighted(source[i:], 1)
+    return total
+
+
+def test_what_is_only_read_is_constant_and_variables_are_declared_in_their_block() -> None:
+    """But not one that two blocks set for what comes behind them."""
+    text = c_source([blocks])
+    assert (
+        "double blocks(double *to, const double *source, int64_t n)" in text
+        and "double weighted(const double *x" in text
+    )
+    assert "    double last;\n    double *rows = (to + n);" in text and "        double doubled = (2.0" in text
+    assert text.count("for (int64_t i = 0; i < n; i += 1) {") == 3
 
 
 def test_what_lies_outside_of_the_subset_is_refused() -> None:

@@ -43,6 +43,8 @@ class CKernels(RolledFunctions):
     def body(self, name: str) -> list[str]:
         """Lines of a function: the kernels of its rows, until these end."""
         plan = self.plans[name]
+        if not plan.runs:
+            return []
         calls = [
             f"        case {n}: at = kernel_{n}(at + 2, at[1], {', '.join(GIVEN)}, work); break;"
             for n in sorted({kernel.number for kernel, _ in plan.runs})

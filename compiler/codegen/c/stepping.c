@@ -141,7 +141,7 @@ static void NAME_stand(struct NAME_model *model, const int *flips, double ahead)
 /* The conditions as they are just after: one may read another. */
 static void NAME_settle(struct NAME_model *model)
 {
-    const double ahead = NAME_n_conditions > 0 ? 1e-6 * model->step : 0.0;
+    const double ahead = @ahead@;
     double mode[NAME_n_modes + 1] = {0}, state[NAME_n_states + 1] = {0};
     int flips[NAME_n_conditions + 1] = {0};
     int i, round, differs = 1, leaves = 0;

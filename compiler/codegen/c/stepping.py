@@ -84,6 +84,7 @@ def _values(lowered: Lowered) -> dict[str, str]:
         "inputs_default": _lines(f"in->{name} = NAME_input_defaults[{i}];" for i, name in enumerate(inputs)) or "    in->none = 0;",
         "inputs_in": _lines(f"model->inputs[{i}] = in->{name};" for i, name in enumerate(inputs)) or "    (void)in;",
         "outputs_out": _lines(f"out->{name} = value[{i}];" for i, name in enumerate(outputs)) or "    out->none = 0;",
+        "ahead": "1e-6 * model->step" if conditions else "0.0",
         "mode_start": "    NAME_mode_start(0, 0, 0, model->constants, 0, model->mode);" if events.present else "    (void)model;",
         "roots": "NAME_roots" if events.present else "NAME_nothing",
         "triggers": "NAME_triggers" if events.present else "NAME_nothing",

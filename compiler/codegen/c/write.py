@@ -197,7 +197,7 @@ class _Body:
     def _points(self, nodes: Sequence[Expression]) -> str:
         numbers = tuple(x.value for x in nodes if isinstance(x, Number))
         if len(numbers) == len(nodes):
-            return f"(double *){self.file.array(numbers)}"
+            return self.file.array(numbers)
         place = self._room(len(nodes))
         self.lines += [f"{place}[{i}] = {value};" for i, value in enumerate(self._all(nodes))]
         return place
@@ -250,7 +250,7 @@ class _Body:
                 return self._slope(node)
             case "noise":
                 steps = tuple(map(float, SMOOTH_STEP[order_of(node)]))
-                return f"noise({order_of(node)}, {', '.join(self._all(operands[1:]))}, (double *){self.file.array(steps)}, {len(steps)})"
+                return f"noise({order_of(node)}, {', '.join(self._all(operands[1:]))}, {self.file.array(steps)}, {len(steps)})"
             case "root":
                 return f"root({', '.join(self._all(operands))})"
         points = lists(node)
