@@ -223,6 +223,46 @@ def test_what_is_near_hides_what_is_far(open_page: Open, tmp_path: Path) -> None
     assert turned("x", 1) == pytest.approx(home, rel=0.05)
 
 
+ABOVE = """model Above {
+  multibody m : spatial {
+    gravity = (0, 0, -1 [m/s^2])
+    body table { mass = 1 kg, shape = box(2 m, 1 m, 0.1 m), colour = blue }
+    body ball  { mass = 1 kg, at = (0, 0, 0.9 m), shape = sphere(0.2 m), colour = orange }
+    weld foot  : ground to table
+    slide rail : ground to ball { along = (1, 0, 0), start x.v = 3 [m/s] }
+  }
+  output x = m.rail.x
+  experiment glide { simulate 0 .. 1 s }
+}"""
+
+
+def test_bodies_cast_shadows(open_page: Open, tmp_path: Path) -> None:
+    """A ball in the sun glides over a table, then beyond it: its shadow is on the table, then on the floor; no floor is seen from its level or from below."""
+    page = open_page(written(bondgraph.load(ABOVE), tmp_path)).page
+    # Shares of the picture: floor in the sun, floor in shadow, table in the sun, table in shadow (seen from above); and where the floor's shadow is.
+    dots = """keys => {
+      for (const key of keys) document.querySelector('.stage').dispatchEvent(new KeyboardEvent('keydown', { key }));
+      const { width, height } = document.querySelector('.stage canvas'), data = document.querySelector('.stage canvas').getContext('2d').getImageData(0, 0, width, height).data;
+      let sunny = 0, shadow = 0, bright = 0, dim = 0, right = 0;
+      for (let i = 0; i < data.length; i += 4) {
+        const [r, g, b, a] = data.slice(i, i + 4);
+        if (a > 20 && a < 50 && r > 100) sunny++; else if (a > 60 && a < 110 && r < 60) { shadow++; right += i / 4 % width / width; }
+        else if (a > 200 && b > 1.2 * r) { if (b > 190) bright++; else if (b < 150) dim++; }
+      }
+      return [...[sunny, shadow, bright, dim].map((v) => v / width / height), right / shadow];
+    }"""
+    page.click("figcaption button:has-text('top')")
+    floor, shadow, table, dim, before = page.evaluate(dots, ["x"])
+    assert floor > 0.2 and shadow > 0.002 and table > 0.02 and 0.05 * table < dim < 0.5 * table
+    to_instant(page, 1.0)
+    _, more, _, left, after = page.evaluate(dots, ["x"])
+    assert more > 1.03 * shadow and left < 0.3 * dim and after > before + 0.02
+    page.click("figcaption button:has-text('front')")
+    assert page.evaluate(dots, ["x"])[:2] == [0, 0]
+    assert page.evaluate(dots, ["ArrowUp"])[:2] == [0, 0]
+    assert page.evaluate(dots, ["ArrowDown"] * 4)[1] > 0.002
+
+
 @pytest.mark.parametrize(("width", "dark"), [(390, False), (390, True), (1280, True)])
 def test_it_fits(motor: str, open_page: Open, width: int, dark: bool) -> None:
     page = open_page(motor, width, dark).page

@@ -68,7 +68,8 @@ def _scene(graph: BondGraph, node: MechanismNode) -> dict[str, Any]:
     ]  # fmt: skip
     marks = [{"name": name, "body": numbers.get(body, -1), "at": point} for name, body, point in mechanism.frames]
     return {
-        "name": mechanism.name, "planar": mechanism.planar, "up": _up(graph, node), "bodies": bodies, "links": links, "marks": marks,
+        "name": mechanism.name, "planar": mechanism.planar, "bodies": bodies, "links": links, "marks": marks,
+        "up": _up(graph, node), "floor": not mechanism.planar or _weight(graph, node)[1] < 0,
     }  # fmt: skip
 
 
@@ -80,6 +81,10 @@ def _up(graph: BondGraph, node: MechanismNode) -> Sequence[float]:
     """Return the direction that a picture has upwards: in space against gravity, else z; in the plane y."""
     if node.mechanism.planar:
         return 0.0, 1.0, 0.0
-    weight = numbers_of(graph, node.mechanism.gravity)
+    weight = _weight(graph, node)
     size = math.hypot(*weight)
     return [-w / size for w in weight] if 0 < size < math.inf else (0.0, 0.0, 1.0)
+
+
+def _weight(graph: BondGraph, node: MechanismNode) -> Sequence[float]:
+    return numbers_of(graph, node.mechanism.gravity)

@@ -33,6 +33,7 @@ function hull(points) {
 }
 
 const HOME = { plane: [0, 0], space: [-25, 24] };  // degrees: about the upright, and above the level
+const SUN = [-35, 35];  // degrees, from where the reader is at home
 const SIDES = { home: null, front: [0, 0], side: [90, 0], top: [0, 90] };
 
 class Stage {
@@ -43,7 +44,8 @@ class Stage {
     const right = Math.abs(scene.up[0]) > 0.9 ? [0, 1, 0] : unitary(plus([1, 0, 0], scene.up, -scene.up[0]));
     this.level = [right, cross(right, scene.up)];  // to the right and towards the reader, seen from the front
     this.canvas = html("canvas", {});
-    this.solids = new Solids(this.canvas);
+    this.eye = new Solids(this.canvas);
+    this.shadows = new Solids();
     this.letters = svg("svg", { "aria-hidden": "true" });
     this.box = html("div", { class: "stage bondgraph", tabindex: 0, role: "img", "aria-label": `mechanism ${scene.name}; drag or arrow keys turn it, plus and minus zoom, 0 shows all` }, this.canvas, this.letters);
     this.range = html("input", { type: "range", min: 0, max: 4, step: 0.05, value: 0, "aria-label": "how much motions are exaggerated" });
@@ -127,10 +129,11 @@ class Stage {
     const { bodies, links, marks } = this.scene, low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity], seen = [];
     const marked = marks.filter((m) => m.body >= 0), traced = marked.length ? marked : bodies.map((body, b) => ({ body: b, at: body.centre }));
     this.ways = traced.map(() => []);
-    const instants = this.some(400), few = Math.max(1, Math.floor(instants.length / 40));
+    const instants = this.some(400), few = Math.max(1, Math.floor(instants.length / 40)), deep = [];
     instants.forEach((i, n) => {
       const poses = this.all(i);
       traced.forEach((m, k) => this.ways[k].push([i, this.at(poses, m.body, m.at)]));
+      deep.push(...this.deep(poses));
       if (n % few) return;
       for (const point of [...bodies.flatMap((body, b) => this.filled(body).map((p) => this.at(poses, b, p))), ...links.flatMap((l) => l.ends.map((e) => this.at(poses, e.body, e.at)))]) {
         if (!point.every(Number.isFinite)) continue;
@@ -142,9 +145,22 @@ class Stage {
     this.seen = seen.map((p) => plus(p, this.middle, -1));
     const size = Math.max(...high.map((v, k) => v - low[k])) / 2;
     this.thin = (size > 0 && size < Infinity ? size : 1) / 30;  // radius of rods and joints
+    this.floor = extent([deep.map(([height, room]) => height - room * this.thin)])[0] - dot(this.scene.up, this.middle);
+    this.round = 1.3 * extent([this.seen.map((p) => Math.hypot(...p))])[1];
     this.aim(HOME[this.scene.planar ? "plane" : "space"]);
     this.shapely = this.half[1] / this.half[0];
     this.shapes = bodies.map((body) => this.shape(body));
+  }
+
+  // How deep each part goes, and how many thicknesses of a rod below that it is drawn.
+  deep(poses) {
+    const { bodies, links, up } = this.scene, height = (b, p) => dot(up, this.at(poses, b, p));
+    return [...bodies.flatMap((body, b) => {
+      const own = height(b, body.centre), points = [...body.given ? [] : body.points.map((p) => [height(b, p), 1.2]), ...body.outlines.flat().map((p) => [height(b, p), 0])];
+      if (!this.thick(body)) return [[own, 1], ...points];
+      const [u, v, w] = body.solid.axes.map((axis) => Math.abs(dot(up, turned(poses[b].turn, axis))));
+      return [[own - (body.solid.round === 3 ? Math.hypot(u, v, w) : body.solid.round === 2 ? Math.hypot(u, v) + w : u + v + w), 0], ...points];
+    }), ...links.map(({ kind, grounded, ends: [, end] }) => [height(end.body, end.at), ["wheel", "skate"].includes(kind) ? 0 : grounded ? 2.7 : 1.5])];
   }
 
   // A body at rest: a plate through its points where they lie in a plane, else rods between those nearest each other.
@@ -200,16 +216,24 @@ class Stage {
     });
   }
 
-  // Sets how directions of space are seen, and what of the plane that is seen holds everything.
-  aim(angles) {
+  // Right, down and towards the reader who looks from angles.
+  sides(angles) {
     const [yaw, pitch] = angles.map((a) => a * Math.PI / 180), [front, ahead] = this.level, { up } = this.scene;
     const right = plus(scaled(front, Math.cos(yaw)), ahead, -Math.sin(yaw)), level = plus(scaled(ahead, Math.cos(yaw)), front, Math.sin(yaw));
     const above = plus(scaled(up, Math.cos(pitch)), level, -Math.sin(pitch)), towards = plus(scaled(level, Math.cos(pitch)), up, Math.sin(pitch));
-    this.way = (v) => [dot(right, v), -dot(above, v), dot(towards, v)];
-    const seen = this.seen.map(this.way), ranges = [0, 1].map((k) => extent([seen.map((p) => p[k])]));
+    return [right, scaled(above, -1), towards];
+  }
+
+  // Sets how directions of space are seen, and what of the plane that is seen holds everything.
+  aim(angles) {
+    this.axes = this.sides(angles);
+    const seen = this.seen.map((p) => this.way(p)), ranges = [0, 1].map((k) => extent([seen.map((p) => p[k])]));
     this.centre = [...ranges.map(([low, high]) => (low + high) / 2), 0];
     this.half = ranges.map(([low, high]) => (high - low) / 2 + 4 * this.thin);
   }
+
+  way(v) { return this.axes.map((axis) => dot(axis, v)); }
+  view(p) { return plus(this.origin, this.way(plus(p, this.middle, -1)), this.scale); }
 
   // ---------------------------------------------------------------- what is seen
 
@@ -223,20 +247,42 @@ class Stage {
     this.box.style.setProperty("height", `${height}px`);
     this.letters.setAttribute("viewBox", `0 0 ${width} ${height}`);
     this.aim(this.angles);
-    this.scale = fine * this.zoom * Math.min(width / this.half[0], height / this.half[1]) / 2;
-    this.view = (p) => plus(scaled(plus(this.way(plus(p, this.middle, -1)), this.centre, -1), this.scale), [(width / 2 + this.shift[0]) * fine, (height / 2 + this.shift[1]) * fine, 0]);
-    const { scene, solids } = this, poses = this.all(place), seen = (b, p) => this.view(this.at(poses, b, p));
-    solids.begin(width * fine, height * fine);
-    scene.bodies.forEach((body, b) => this.body(body, this.shapes[b], body.colour ? rgb(body.colour) : TINTS[b % TINTS.length], (p) => seen(b, p), (v) => this.way(turned(poses[b].turn, v))));
-    for (const link of scene.links) this.link(link, ...link.ends.map((e) => seen(e.body, e.at)), this.way(this.along(poses, link.axis_of, link.axis)));
-    for (const { body, at } of scene.marks) this.cross(seen(body, at), 1.4 * this.thin * this.scale, (v) => this.way(this.along(poses, body, v)));
-    if (this.traces.checked) for (const way of this.ways) this.solids.line(way.map(([, p]) => this.view(p)), 3, TRACE);
+    const scale = fine * this.zoom * Math.min(width / this.half[0], height / this.half[1]) / 2, { axes, scene, eye } = this, poses = this.all(place);
+    const origin = plus([(width / 2 + this.shift[0]) * fine, (height / 2 + this.shift[1]) * fine, 0], this.centre, -scale), sun = this.sunlit(poses, 320 * fine);
+    const rows = this.axes.flatMap((axis, k) => { const row = axes.map((own) => dot(axis, own) * this.scale / scale); return [...row, this.origin[k] - dot(row, origin)]; });
+    Object.assign(this, { axes, scale, origin, solids: eye });
+    eye.begin(width * fine, height * fine, { solids: this.shadows, rows: new Float64Array(rows), at: this.way(sun) });
+    const above = this.way(scene.up);
+    if (scene.floor && above[2] > 0.01) eye.floor(plus(origin, above, this.floor * scale), above, this.round * scale);
+    this.paint(poses);
+    for (const { body, at } of scene.marks) this.cross(this.view(this.at(poses, body, at)), 1.4 * this.thin * scale, (v) => this.way(this.along(poses, body, v)));
+    if (this.traces.checked) for (const way of this.ways) eye.line(way.map(([, p]) => this.view(p)), 3, TRACE);
     const corner = [26 * fine, (height - 26) * fine, 1e6];
-    this.cross(corner, 18 * fine, this.way, 1);
-    solids.end();
+    this.cross(corner, 18 * fine, (v) => this.way(v), 1);
+    eye.end();
     this.drawn = performance.now();
     this.ends.forEach((letter, k) => { const [x, y] = plus(scaled(corner, 1 / fine), this.way([0, 1, 2].map((i) => Number(i === k))), 24); letter.setAttribute("x", x - 3); letter.setAttribute("y", y + 4); });
-    this.label(scene.bodies.map((body, b) => scaled(seen(b, body.centre), 1 / fine)), height);
+    this.label(scene.bodies.map((body, b) => scaled(this.view(this.at(poses, b, body.centre)), 1 / fine)), height);
+  }
+
+  // The same as the sun sees it, with as much of it as there is now; returns where the sun is.
+  sunlit(poses, size) {
+    const home = HOME[this.scene.planar ? "plane" : "space"], { bodies, links } = this.scene;
+    this.axes = this.sides(plus(home, SUN));
+    const round = [...bodies.flatMap((body, b) => [[this.at(poses, b, body.centre), this.thick(body) ? Math.hypot(...body.solid.axes.flat()) : 0], ...[...body.points, ...body.outlines.flat()].map((p) => [this.at(poses, b, p), 0])]), ...links.flatMap((l) => l.ends.map((e) => [this.at(poses, e.body, e.at), 0]))];
+    const ranges = [0, 1].map((k) => extent([round.flatMap(([p, r]) => { const v = this.way(plus(p, this.middle, -1))[k]; return [v - r, v + r]; })])), room = 5 * this.thin;
+    const scale = size / (Math.max(...ranges.map(([low, high]) => high - low)) + 2 * room);
+    Object.assign(this, { scale, solids: this.shadows, origin: [...ranges.map(([low]) => (room - low) * scale), 0] });
+    this.shadows.begin(size, size);
+    this.paint(poses);
+    this.shadows.end();
+    return this.axes[2];
+  }
+
+  paint(poses) {
+    const { bodies, links } = this.scene, seen = (b, p) => this.view(this.at(poses, b, p));
+    bodies.forEach((body, b) => this.body(body, this.shapes[b], body.colour ? rgb(body.colour) : TINTS[b % TINTS.length], (p) => seen(b, p), (v) => this.way(turned(poses[b].turn, v))));
+    for (const link of links) this.link(link, ...link.ends.map((e) => seen(e.body, e.at)), this.way(this.along(poses, link.axis_of, link.axis)));
   }
 
   // Names beside the centres, below each other where they would meet.
