@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from .jit.vectorise import Vectorised
     from .reduction.order import blocks
     from .reduction.state_space import LinearLoop, StateSpace
+    from .reduction.structures import NotJoined
     from .scene import (
         Analysis, BoundedParameter, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Override, Plan,
         Reported, RunMetadata, Scene, Study, full_name,

@@ -13,7 +13,7 @@ from .causality import CausalGraph, assign_causality
 from .causality.valves import with_fitting_modes
 from .codegen.common_factors import with_shared_products
 from .codegen.identity import identity
-from .codegen.lower import lower, moving
+from .codegen.lower import following, lower, moving
 from .codegen.lowered import Lowered
 from .codegen.program import Program
 from .codegen.zero_divisors import zero_divisors
@@ -37,6 +37,7 @@ from .reduction import (
     StateSpace,
     behind_loops,
     certify,
+    joined,
     linear_loops,
     reduce_equations,
     refuse_idle_coordinates,
@@ -254,6 +255,8 @@ class Compilation:
     @cached_property
     def _computed(self) -> tuple[StateSpace, tuple[str, ...]]:
         whole, system, left = self.whole_space, self.equations, self._at_rest
+        if self.scene.joined and whole.switches:
+            return joined(whole, self.valves, self._with_off), ()
         if left:
             system = without(system, left)
         elif self.scene.upstream and self.scene.outputs is not None and not self.cancels:
@@ -267,6 +270,12 @@ class Compilation:
             return whole, ()
         variables = self.equations.variables
         return space, tuple(variables[s.variable].name for s in self.equations.states if s.variable in left)
+
+    def _with_off(self, off: tuple[str, ...]) -> StateSpace:
+        """The equations with these junctions off."""
+        other = replace(self, scene=replace(self.scene, joined=False, off=off))
+        other.__dict__.update(tree=self.tree, _built=self._built)
+        return other.state_space
 
     @property
     def _at_rest(self) -> frozenset[int]:
@@ -408,7 +417,7 @@ class Compilation:
         written = replace(self, scene=replace(self.scene, steep=False)) if self.scene.steep else self
         return RunMetadata(
             mechanisms, storages, bool(space.claims), shown, units, positive, self.truths, frozenset(n for n in units if quantities[n].counted),
-            looped, identity(written._as_written), _following(space, places), self.valves, self.gaps, integrands(self.whole_graph), laws,
+            looped, identity(written._as_written), following(space, places), self.valves, self.gaps, integrands(self.whole_graph), laws,
             zero_divisors(self.whole_space, self.later), is_steep(self.equations), self.graph.undetermined,
         )  # fmt: skip
 
@@ -480,18 +489,6 @@ class Compilation:
         except CompilationFailed as failed:
             stands = self.whole_graph.stands
             raise CompilationFailed([standing(item, stands) for item in failed.diagnostics]) from None
-
-
-def _following(space: StateSpace, places: Mapping[int, int]) -> dict[str, tuple[int, float | None]]:
-    """Value of `Facts.following`."""
-    names: dict[int, list[str]] = {}
-    for name, variable in space.outputs.items():
-        names.setdefault(variable, []).append(name)
-    return {
-        name: (places[f.state], f.factor)
-        for f in space.following
-        for name in (space.variables[f.variable].name, *names.get(f.variable, ()))
-    }
 
 
 def too_long(tree: SyntaxTree) -> Diagnostic:

@@ -67,6 +67,7 @@ class Scene:
     opened: bool = False
     steep: bool = False  # roots that pass through zero are unknowns of the steps
     from_start: bool = False  # a run from the starts, which leaves out states that nothing excites
+    joined: bool = False  # all sets of switched junctions in one program, as `off=()`
     upstream: bool = False  # an analysis without the states on which none of `outputs` depends
 
 

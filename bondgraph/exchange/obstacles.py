@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from compiler.api import CompilationFailed, NotInUnit, narrow_conditions
 
 if TYPE_CHECKING:
-    from compiler.api import Compilation, Span
+    from compiler.api import Compilation, NotJoined, Span
 
 _RUN = "Run the model here, or give other tools the run's numbers (`run --out R.csv`)."
 
@@ -19,11 +19,14 @@ def refuse(compilation: Compilation) -> None:
         raise CompilationFailed(refusals)
 
 
+def refuse_junctions(reason: NotJoined) -> NoReturn:
+    """Raise `CompilationFailed` for switched junctions that a unit cannot hold."""
+    raise CompilationFailed([NotInUnit(reason.span, reason.words, _RUN)])
+
+
 def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
     space, graph = compilation.state_space, compilation.whole_graph
     lowered = compilation.lowered
-    if space.switches:
-        yield space.switches[0].span, "switched junctions", _RUN
     if space.forced:
         name = space.variables[space.forced[0].variable].name
         yield space.forced[0].span, f"the rate of `{name}`, which may jump as only a run sees,", _RUN

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from ..simulation.segments.trajectory import Tolerances
 
 
+SOME = 0.618  # beside an input: another value that it may have
+
+
 @dataclass(frozen=True, slots=True)
 class StartValues:
     """Values with which an instance begins, in SI, and its tolerances; the start as the text gives it; and a mask of the constraints that take part."""
@@ -62,9 +65,26 @@ def start_values(
     by_itself = phase.events is not None or bool(constraints)
     if alone.equilibrium if by_itself else not np.array_equal(written[:count], phase.state[:count]):
         _refuse(compilation, "a start that has to be searched", "Give the starts of the storages themselves.")
+    _refuse_open_outputs(compilation, phase)
     parameters = constraints.parameters if constraints else program.defaults
     begins = phase.state if constraints or program.unknowns.names else written
     return StartValues(parameters, program.input_defaults, begins, tolerances, written, constraints.taking)
+
+
+def _refuse_open_outputs(compilation: Compilation, phase: Phase) -> None:
+    """Refuse outputs without a value at the start, whatever the inputs are: no instance could begin."""
+    of, mode = phase.constraints, phase.stretches[0].mode
+    if not of.program.outputs.names:
+        return
+    with np.errstate(all="ignore"):
+        tries = [
+            of.program.output(phase.instants[:1], phase.state[None], inputs, of.constants, mode)[0]
+            for inputs in (of.inputs, of.inputs + SOME * (1 + np.abs(of.inputs)))
+        ]
+    for name, values in zip(of.program.outputs.names, np.isfinite(tries).T, strict=True):
+        if not values.any():
+            words = "Give it a value there, as `a/b if b > 0 else 0`, or leave it out."
+            _refuse(compilation, f"`{name}`, which has no value at the start (0/0, say),", words)
 
 
 def _magnitudes(example: CompiledScene, instants: Array, options: PhaseOptions) -> Mapping[str, float]:

@@ -26,7 +26,7 @@ from .image import FUNCTIONS, ModelImage, image_of
 from .interface import llvm_data, llvm_interface
 from .interface_c import c_unit
 from .model_description import UnitHead, build_description, model_description, terminals_and_icons
-from .obstacles import refuse
+from .obstacles import refuse, refuse_junctions
 from .osp import osp_model_description
 from .start import StartValues, start_values
 from .terminals import UnitIcon, UnitTerminal, terminals_of
@@ -182,7 +182,12 @@ def _terminals(terminals: Sequence[UnitTerminal], version: FmiVersion, icon: Uni
 def _compilation(model: CompiledModel, scene: Scene) -> Compilation:
     """Return the stages of a scene in which all is free, differentiated by the inputs that no experiment sets."""
     scene = model.without_zero_divisors(scene, everything=True)
-    variables = model.compilation(scene, everything=True).state_space.variables
+    if model.compilation(scene, everything=True).whole_graph.switches:
+        scene = replace(scene, joined=True, off=())
+    try:
+        variables = model.compilation(scene, everything=True).state_space.variables
+    except api.NotJoined as reason:
+        refuse_junctions(reason)
     inputs = tuple(v.name for v in variables if v.role == "input")
     if not inputs:
         return model.compilation(scene, everything=True)

@@ -208,6 +208,18 @@ def moving(space: StateSpace) -> list[int]:
     return [*(s.variable for s in space.states), *(u.variable for u in space.unknowns)]
 
 
+def following(space: StateSpace, places: Mapping[int, int]) -> dict[str, tuple[int, float | None]]:
+    """Place of the state that a content follows, and the factor, by the names of the content."""
+    names: dict[int, list[str]] = {}
+    for name, variable in space.outputs.items():
+        names.setdefault(variable, []).append(name)
+    return {
+        name: (places[f.state], f.factor)
+        for f in space.following
+        for name in (space.variables[f.variable].name, *names.get(f.variable, ()))
+    }
+
+
 def _used(space: StateSpace) -> set[int]:
     used: set[int] = set(space.outputs.values())
     for limit in space.limits:

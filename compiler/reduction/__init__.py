@@ -8,6 +8,7 @@ from .reduce import reduce_equations
 from .singular import LinearLoops, behind_loops, linear_loops, refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, TearingVariable
 from .steep_roots import with_roots_as_unknowns
+from .structures import joined
 
 __all__ = [
     "Certificate",
@@ -18,6 +19,7 @@ __all__ = [
     "TearingVariable",
     "behind_loops",
     "certify",
+    "joined",
     "linear_loops",
     "reduce_equations",
     "refuse_idle_coordinates",

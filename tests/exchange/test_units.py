@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import shutil
 import subprocess
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,9 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import RunFailed
+from bondgraph.exchange.runtime.instance import FmuInstance
+from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
+from compiler.api import record_of
 from compiler.errors import CompilationFailed
 from tests.exchange.unit_files import FMICallException, exported, instance, run
 
@@ -255,6 +260,34 @@ def test_values_that_change_between_steps(tmp_path: Path) -> None:
         assert unit.getReal([place["k"], place["pull_by"], place["x"]]) == [8.0, 0.0, 3e-3]
 
 
+def steps_of(unit: Any) -> int:
+    """The number of steps that a unit has made since it began to integrate."""
+    words = ctypes.cast(unit.component, ctypes.POINTER(ctypes.c_int64))
+    solver = ctypes.cast(words[record_of(FmuInstance).place("solver")], ctypes.POINTER(ctypes.c_int64))
+    return solver[record_of(IntegratorWorkspace).place("steps")]
+
+
+def test_steps_go_beyond_communication_points_until_something_changes(tmp_path: Path) -> None:
+    """Between 300 points a unit makes some 20 steps; an input takes back what it has done beyond, and states of it are the same bits again."""
+    exported(SPRING, tmp_path)
+    with instance(tmp_path, values={"t_0": 0.0, "pull_by": 0.08, "x_0": 0.0}, tolerance=1e-9) as (unit, place):
+        for k in range(300):
+            unit.doStep(k * 0.01, 0.01)
+            assert unit.getReal([place["x"]])[0] == pytest.approx(0.01 * (1 - math.cos(0.02 * (k + 1))), abs=1e-11)
+        assert steps_of(unit) < 40
+        state = unit.getFMUState()
+        ends = []
+        for _ in range(2):
+            unit.doStep(3.0, 0.01)
+            unit.setReal([place["pull_by"]], [0.0])
+            x, p = unit.getReal([place["x"], place["mass.p"]])
+            for k in range(100):
+                unit.doStep(3.01 + k * 0.01, 0.01)
+            ends.append(unit.getReal([place["x"]]))
+            unit.setFMUState(state)
+        assert ends[0] == pytest.approx([x * math.cos(2.0) + p / 4.0 * math.sin(2.0)], abs=1e-11) and ends[0] == ends[1]
+
+
 def test_a_stiff_model_is_integrated_by_the_implicit_method(tmp_path: Path) -> None:
     exported(STIFF, tmp_path)
     found = run(tmp_path, "CoSimulation", output_interval=0.5)
@@ -283,6 +316,11 @@ def test_limits_of_a_model_are_told(tmp_path: Path) -> None:
         with pytest.raises(FMICallException):
             unit.doStep(1.25, 0.5)
         assert [status for status, _ in told[1:]] == [3] and "is asked outside of its range" in told[1][1]
+    with instance(tmp_path, callbacks=callbacks) as (unit, place):  # between points that steps pass, not before
+        told.clear()
+        for k in range(14):
+            unit.doStep(k * 0.1, 0.1)
+            assert [status for status, _ in told] == ([1] if k > 6 else []) or k == 6
 
 
 def test_parameters_that_a_run_refuses_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -378,6 +416,7 @@ def test_sources_give_the_same_bits(fmi: str, tmp_path: Path) -> None:
     ("part", "words"),
     [
         ("output late = delay(spring.x, 1 ms)", "delayed signals"),
+        ("output mean = mass.p/mass.v", "`mean`, which has no value at the start"),
     ],
 )  # fmt: skip
 def test_what_a_unit_cannot_hold_is_named(part: str, words: str) -> None:

@@ -247,6 +247,60 @@ def test_events_at_the_start_in_a_chain_and_by_an_input(tmp_path: Path) -> None:
                 assert unit.getReal([place["q"]]) == [-2.0]
 
 
+def test_an_event_beyond_a_communication_point_acts_unless_an_input_comes_before(tmp_path: Path) -> None:
+    """x = t is to reach 1; from 0.5 on it falls, and rises again from 0.6 on: then it reaches 1 at 1.2. The step from 0.1 on passes all points before."""
+    exported(
+        "plain model Up { input u = 1\n mode n = 0\n signal x = integral(u, 0)\n when x > 1 { n = time }\n output y = x, at = n }",
+        tmp_path,
+    )
+    for change, acts in ((False, 1.0), (True, 1.2)):
+        with instance(tmp_path) as (unit, place):
+            for k in range(1, 14):
+                unit.doStep((k - 1) / 10, 0.1)
+                y, at = unit.getReal([place["y"], place["at"]])
+                assert y == pytest.approx(k / 10 - (0.2 if change and k > 5 else 0.0), abs=1e-12)
+                assert at == (0.0 if k / 10 < acts else pytest.approx(acts, abs=1e-12)) or abs(k / 10 - acts) < 0.01
+                if change and k in (5, 6):
+                    unit.setReal([place["u"]], [-1.0 if k == 5 else 1.0])
+
+
+# A tank behind a valve that a mode opens, a pump that a level switches on, and a store with a loss.
+TANKS = """plain model Tanks {
+  parameter low = 0.3, high = 0.8, r = 2
+  mode fills = 1, opens = 1
+  when one.q > high { fills = 0 }
+  when one.q < low { fills = 1 }
+  every 3.5 { opens = 1 - opens }
+  Se pump : e = 6
+  C one : e = q { start q = 0.5 }
+  C two : e = 2*q
+  R feed : e = 3*f
+  R pipe : e = r*f
+  R wall : e = 4*f
+  1 inlet { active = fills > 0.5 }
+  0 near
+  1 between { active = opens > 0.5 }
+  0 far
+  pump -> inlet -> feed, near
+  near -> one, between
+  between -> pipe
+  between -> far -> two, wall
+  output x = one.q, y = two.q, through = pipe.f
+  experiment day { simulate 0 .. 12 { points = 121 } }
+}"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_switched_junctions_are_modes_of_one_system(kind: str, tmp_path: Path) -> None:
+    """A run changes its program seven times on the way; the unit has all four sets of equations."""
+    mine = bondgraph.load(TANKS).simulate(rtol=1e-9)
+    exported(TANKS, tmp_path)
+    found = after_events(run(tmp_path, kind, rtol=1e-9, output_interval=0.1))
+    rows = np.isin(np.round(found["time"], 9), np.round(mine.time, 9))
+    for name in ("x", "y", "through"):
+        assert found[name][rows] == pytest.approx(mine[name], abs=1e-6 if kind == "ModelExchange" else 1e-8)
+
+
 def test_states_in_the_middle_of_events_are_brought_back_bit_by_bit(tmp_path: Path) -> None:
     """Also those of samples: both runs go on from a copy and from a file as they went on before."""
     for text, names in ((BALL, ("h", "v", "falls")), (SERVO, ("phi", "u", "stairs"))):
@@ -359,7 +413,9 @@ def test_reference_units_behave_as_documented(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (BALL.replace("1 body : translation", "1 body : translation { active = falls > 0.5 }"), "switched junctions"),
+        (BALL.replace("1 body : translation", "1 body : translation { active = falls > 0.5 }"), "`mass.p`, which may jump"),
+        (TANKS.replace("active = fills > 0.5", "active = two.f > 0.1"), "`inlet`, whose condition reads what"),
+        (TANKS.replace("e = r*f", "e = r*f + f^3"), "switched junctions beside"),
         (CHAIN.replace("when u > 1", "when u > exp(x)*x^7"), "less than a step"),
         (CHAIN.replace("when u > 1", "when u > 1 and delay(x, 1) > 3"), "delayed signals"),
     ],

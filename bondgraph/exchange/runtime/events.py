@@ -249,11 +249,17 @@ def cut_at_event(s: FmuInstance) -> int:
             s.events.located = 1
             return CUT
         if answer == FOUND:
-            s.time = start
-            for i in range(w.n):
-                s.state[i] = w.end_state[(w.ends - 2) * w.n + i] * w.magnitude[i]
+            take_back(s)
             return UNSURE
         begin = end
     roots_at(w, w.time, w.root_seen)
     free_roots(w)
     return NOTHING
+
+
+def take_back(s: FmuInstance) -> None:
+    """Put the start of the last step into the instance."""
+    w = s.solver
+    s.time = w.end_time[w.ends - 2]
+    for i in range(w.n):
+        s.state[i] = w.end_state[(w.ends - 2) * w.n + i] * w.magnitude[i]

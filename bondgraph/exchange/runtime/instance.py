@@ -152,6 +152,9 @@ class FmuInstance(Record):
     outputs_known: int
     slopes_known: int
     broken: int  # 1 if the integration cannot go on from its last step
+    goes_on: int  # 1 where steps may go beyond the communication point, as nothing has changed at the last one
+    ahead: float  # up to here the last step holds
+    cut: int  # 1 where an event ends it there
     own_method: int  # with which an integration begins
 
 

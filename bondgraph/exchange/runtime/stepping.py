@@ -6,13 +6,15 @@ from math import isfinite, ulp
 
 from compiler.api import Bytes, Floats
 
+from ...simulation.integrators.acceptance.zero_crossings import full_at
 from ...simulation.integrators.compiled.advance import advance, begin, begin_segment
-from ...simulation.integrators.dense_output.dense_output import INNER, C, state_at
+from ...simulation.integrators.dense_output.dense_output import INNER, C, corrected, state_at
+from ...simulation.integrators.dense_output.stiff_interpolation import misses_stiff_states
 from ...simulation.integrators.methods import EXPLICIT, RADAU, THROUGH_ENDS
 from ...simulation.integrators.outcomes import CROSS, FINISHED, FLIP, LOOK, MORE, REDUNDANT, STIFF
 from .conditions import said
 from .constraints import hold
-from .events import CUT, FAILED, UNSURE, cut_at_event, instant
+from .events import CUT, FAILED, UNSURE, cut_at_event, instant, take_back
 from .instance import (
     DISCARD,
     EARLY_RETURN,
@@ -33,7 +35,7 @@ from .instance import (
 from .segment import INFINITE, forget
 from .values import check_limits, judge_limits, settle
 
-BATCH = 1000
+BEYOND = 1000.0  # communication steps, by which a step may go beyond a communication point
 AGAIN = 0.25  # first step, as a share of one that an event has cut badly
 MOST = 10_000_000  # steps within one communication step
 ROUNDING = 64.0  # units in the last place by which an importer's time may be off
@@ -49,6 +51,7 @@ def do_step(s: FmuInstance, time: float, size: float) -> int:
     if abs(time - s.time) > ROUNDING * max(ulp(time), ulp(time + size)) or not size >= 0.0 or not isfinite(time + size):
         return refused(s, WRONG_TIME)
     s.waiting = 0
+    s.goes_on = 1 if s.broken == 0 and s.solver.always == 0 else 0
     settle(s)
     answer = OK
     if s.has_events != 0 and s.broken != 0:  # an input or a parameter may have moved a condition
@@ -131,44 +134,65 @@ def happens(s: FmuInstance) -> int:
 
 
 def go_along(s: FmuInstance, until: float) -> int:
-    """Integrate within a segment, up to a time or to the first event."""
+    """Integrate within a segment, up to a time or to the first event; the last step may have been there already."""
     w = s.solver
-    if s.broken != 0 or w.time != s.time or w.size < TINY * ulp(s.time):
+    if s.broken == 0 and s.time < s.ahead and (until < s.ahead or (until == s.ahead and s.cut == 0)):
+        read_within(s, until)
+        return OK
+    if s.broken == 0 and s.cut != 0:
+        s.time = s.ahead
+        full_at(w, s.time, s.state)
+        s.events.located = 1
+        return OK
+    w.stop = until
+    if s.goes_on != 0:
+        w.stop = max(until, min(s.next_instant, min(s.stop, until + BEYOND * (until - s.time))))
+    if s.broken != 0 or w.size < TINY * ulp(s.time):
         failed = start_steps(s, until)
         if failed != OK:
             return failed
-    w.stop = until
-    w.until = until
+    w.until = w.stop
     if w.n == 0:
         w.time = until
         w.ends = 2
         if w.root_count > 0 and cut_at_event(s) == FAILED:
             return ERROR
         return OK
-    answer = make_steps(s)
+    answer = make_steps(s, until)
     if answer <= WARNING and (s.has_events == 0 or s.events.located == 0):
-        for i in range(w.n):
-            s.state[i] = w.state[i] * w.magnitude[i]
+        read_within(s, until)
     return answer
 
 
-def make_steps(s: FmuInstance) -> int:
-    """Make the steps up to the end that is set."""
+def read_within(s: FmuInstance, time: float) -> None:
+    """Put the state at an instant of the last step into the instance."""
+    w = s.solver
+    if time == w.time:
+        for i in range(w.n):
+            s.state[i] = w.state[i] * w.magnitude[i]
+    else:
+        state_at(w, time, s.state)
+        corrected(w, time, s.state, misses_stiff_states(w))
+
+
+def make_steps(s: FmuInstance, until: float) -> int:
+    """Make the steps up to a time, which the last one may pass: then nothing but its own error control is to come of what lies beyond."""
     w = s.solver
     result = OK
-    steps = 0
-    while steps < MOST:
-        answer = advance(w, BATCH)
-        steps += BATCH
+    for _ in range(MOST):
+        answer = advance(w, 1)
+        s.ahead = w.time
+        if answer == CROSS and w.pose_least[w.poses - 1] > NEAR:
+            w.tried = w.ahead
+            answer = MORE
         if answer == FINISHED:
-            return result
-        if answer == STIFF:
-            s.own_method = RADAU
-            w.method = RADAU
-            w.automatic = 0
-            begin(w)
-        elif answer == FLIP:
+            answer = MORE
+        if answer == FLIP:
             event = cut_at_event(s)
+            if event == CUT and s.time > until:
+                s.ahead = s.time
+                s.cut = 1
+                s.events.located = 0
             if event == CUT:
                 return result
             if event == FAILED:
@@ -180,24 +204,51 @@ def make_steps(s: FmuInstance) -> int:
                 if failed != OK:
                     return failed
                 w.size = min(w.size, AGAIN * size)
-        elif answer == CROSS:
-            if w.pose_least[w.poses - 1] <= NEAR:
-                return refused(s, SINGULAR)
-            w.tried = w.ahead
-        elif answer == LOOK:
+        elif answer == STIFF:
+            s.own_method = RADAU
+            if w.time >= until:
+                s.broken = 1
+                return result
+            w.method = RADAU
+            w.automatic = 0
+            begin(w)
+        elif answer == MORE or (answer == CROSS and w.stop > until):
+            if w.time >= until:
+                return result
+            if answer == CROSS:
+                w.stop = until
+                w.until = until
+        elif answer == LOOK and w.time <= until:
             judged = look_along(s)
             if judged > WARNING:
                 return judged
             result = max(result, judged)
-        elif answer == REDUNDANT:
+        elif w.stop > until:
+            failed = begin_again(s, until)
+            if failed != OK:
+                return failed
+        elif CROSS <= answer <= REDUNDANT:
             return refused(s, SINGULAR)
-        elif answer != MORE:
+        else:
             s.message = NO_STEP
             s.broken = 1
             return DISCARD
     s.message = TOO_MANY_STEPS
     s.broken = 1
     return DISCARD
+
+
+def begin_again(s: FmuInstance, until: float) -> int:
+    """Begin again before a step that has met something beyond the communication point, at which the steps then end."""
+    w = s.solver
+    if w.time > until:
+        take_back(s)
+    else:
+        s.time = w.time
+        for i in range(w.n):
+            s.state[i] = w.state[i] * w.magnitude[i]
+    forget(s)
+    return start_steps(s, until)
 
 
 def look_along(s: FmuInstance) -> int:
@@ -241,6 +292,8 @@ def start_steps(s: FmuInstance, until: float) -> int:
     for j in range(w.root_count):
         w.root_said[j] = said(s, j)
     w.end_time[0] = s.time
+    s.ahead = s.time
+    s.cut = 0
     if w.n > 0:
         begin_segment(w)
     s.broken = 0

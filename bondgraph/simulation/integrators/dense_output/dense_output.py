@@ -28,8 +28,7 @@ def sample(s: IntegratorWorkspace) -> bool:
         if not looked and at < s.time:
             missing = misses_stiff_states(s)
             looked = True
-        if missing and at < s.time and (THROUGH_ENDS[s.method] != 0 or is_off(s, at)):
-            missing = bring_back(s, at, s.reported[s.position * s.n :])
+        missing = corrected(s, at, s.reported[s.position * s.n :], missing)
         s.position += 1
     if s.place_count > 0 and keep_places(s):
         return True
@@ -53,6 +52,13 @@ def sample(s: IntegratorWorkspace) -> bool:
     return False
 
 
+def corrected(s: IntegratorWorkspace, time: float, out: Floats, missing: bool) -> bool:
+    """Correct the stiff states within the last step where its polynomials miss them (`missing`); return True if the next ones need it too."""
+    if missing and time < s.time and (THROUGH_ENDS[s.method] != 0 or is_off(s, time)):
+        return bring_back(s, time, out)
+    return missing
+
+
 def keep_places(s: IntegratorWorkspace) -> bool:
     """Store the states at the places of the last step; return True if there is no room for those of another step."""
     start = s.end_time[s.ends - 2]
@@ -62,8 +68,8 @@ def keep_places(s: IntegratorWorkspace) -> bool:
         at = stop if k == s.place_count - 1 else start + s.places[k] * (stop - start)
         out = s.kept_state[s.kept * s.n :]
         state_at(s, at, out)
-        if missing and start < at and at < s.time and (THROUGH_ENDS[s.method] != 0 or is_off(s, at)):
-            missing = bring_back(s, at, out)
+        if start < at:
+            missing = corrected(s, at, out, missing)
         s.kept_time[s.kept] = at
         s.kept += 1
     return s.kept + s.place_count > s.kept_room
