@@ -256,7 +256,7 @@ class Compilation:
     def _computed(self) -> tuple[StateSpace, tuple[str, ...]]:
         whole, system, left = self.whole_space, self.equations, self._at_rest
         if self.scene.joined and whole.switches:
-            return joined(whole, self.valves, self._with_off), ()
+            return joined(whole, [v.junction for v in self.valves], self._with_off), ()
         if left:
             system = without(system, left)
         elif self.scene.upstream and self.scene.outputs is not None and not self.cancels:

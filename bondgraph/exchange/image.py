@@ -117,7 +117,7 @@ def _solver(program: Program, counts: Mapping[str, int], values: StartValues) ->
     context = SegmentContext(program, constants, np.array(values.inputs, dtype=float), nothing, values.tolerances)
     signals = Signals(nothing, nothing, np.zeros((0, 0)), True)
     at_start = given_at(context, NOW, values.state, np.inf, signals)
-    room = room_of(program, EXPLICIT, 0, counts.get("bends", 0), counts.get("peaks", 0))
+    room = room_of(program, EXPLICIT, 0, counts.get("bends", 0), counts.get("peaks", 0), dense=True)
     magnitude, closed = np.asarray(values.tolerances.magnitude, dtype=float), {}
     if program.invariants.names:
         own = program.constants(values.parameters)

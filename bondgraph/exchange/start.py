@@ -11,7 +11,6 @@ import numpy as np
 from compiler.api import CompilationFailed, NotInUnit
 
 from ..errors import RunFailed
-from ..simulation.integrators.compiled.fields import is_sparse
 from ..simulation.phase import Phase, PhaseOptions
 from ..simulation.run_options import DEFAULT_RTOL
 
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from ..simulation.segments.trajectory import Tolerances
 
 
+MOST = 400  # states and unknowns of loops: matrices of an instance are dense, some 5 MB
 SOME = 0.618  # beside an input: another value that it may have
 
 
@@ -45,10 +45,9 @@ def start_values(
     `example`: the scene of the first experiment. Without inputs a model may rest, and magnitudes of states at rest say nothing.
     """
     program = compiled_scene.program
-    if is_sparse(program):
-        _refuse(
-            compilation, f"{len(program.states.names)} states whose equations are sparse", "Export a smaller model."
-        )
+    if (count := len(program.variables.names)) > MOST:
+        words = f"{count} states and unknowns of loops, of which {MOST} have room,"
+        _refuse(compilation, words, "Export parts of the model: `compile -o NAME.ssp`.")
     stop = plan.stop if plan.stop is not None else plan.start + 1.0
     alone = plan if experiment is not None else replace(plan, equilibrium=False)
     options = PhaseOptions(alone, plan.settings.get("rtol", DEFAULT_RTOL), plan.settings.get("atol"), False)

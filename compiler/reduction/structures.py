@@ -13,7 +13,6 @@ from itertools import chain, combinations
 from ..algebra.expression import Expression, Symbol, select
 from ..algebra.formula import bind
 from ..equations.system import Argument, Assignment, EventRow, Variable
-from ..graph.valves import Valve
 from ..source import Span
 from .state_space import StateSpace, Step
 
@@ -31,11 +30,11 @@ class NotJoined(Exception):
         self.span, self.words = span, words
 
 
-def joined(base: StateSpace, valves: Sequence[Valve], with_off: Callable[[Off], StateSpace]) -> StateSpace:
+def joined(base: StateSpace, valves: Sequence[str], with_off: Callable[[Off], StateSpace]) -> StateSpace:
     """Return one state space for all structures. `base`: all junctions are on. Raises `NotJoined` where a switching does more than change rates."""
     spans = {s.junction: s.span for s in base.switches}
     if valves:
-        raise NotJoined(spans[valves[0].junction], "ideal valves, which a run opens and closes together,")
+        raise NotJoined(spans[valves[0]], "ideal valves, which a run opens and closes together,")
     if len(spans) > MOST:
         raise NotJoined(base.switches[MOST].span, f"more than {MOST} switched junctions")
     sets = chain.from_iterable(combinations(spans, count) for count in range(1, len(spans) + 1))
@@ -50,7 +49,7 @@ def joined(base: StateSpace, valves: Sequence[Valve], with_off: Callable[[Off], 
             numbers = union.add(space)
             _refuse_jumps(base, off, space, numbers)
             reads[off] = [numbers[v] for v in _read(space)]
-    chosen = (union.choice(dict(zip(reads, row, strict=True)), base) for row in zip(*reads.values(), strict=True))
+    chosen = (union.chosen(dict(zip(reads, row, strict=True)), base) for row in zip(*reads.values(), strict=True))
     states = tuple(replace(s, rate=next(chosen)) for s in base.states)
     outputs = {name: next(chosen) for name in base.outputs}
     events = tuple(
@@ -137,17 +136,17 @@ class _Union:
         self.variables.append(variable)
         return len(self.variables) - 1
 
-    def choice(self, numbers: Mapping[Off, int], base: StateSpace) -> int:
+    def chosen(self, numbers: Mapping[Off, int], base: StateSpace) -> int:
         """Return a variable that is one of these, by the junctions that are off."""
 
-        def chosen(place: int, off: Off) -> Expression:
+        def branch(place: int, off: Off) -> Expression:
             if place == len(base.switches):
                 return Symbol(numbers[off])
             switch = base.switches[place]
-            on, otherwise = chosen(place + 1, off), chosen(place + 1, (*off, switch.junction))
+            on, otherwise = branch(place + 1, off), branch(place + 1, (*off, switch.junction))
             return on if on == otherwise else select(Symbol(switch.condition), on, otherwise)
 
-        expression = chosen(0, ())
+        expression = branch(0, ())
         if expression == Symbol(numbers[()]):
             return numbers[()]
         bound = bind(expression)

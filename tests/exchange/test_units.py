@@ -17,6 +17,7 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import RunFailed
+from bondgraph.exchange import start
 from bondgraph.exchange.runtime.instance import FmuInstance
 from bondgraph.simulation.integrators.workspace import IntegratorWorkspace
 from compiler.api import record_of
@@ -426,6 +427,17 @@ def test_what_a_unit_cannot_hold_is_named(part: str, words: str) -> None:
     assert {d.code for d in failed.value.diagnostics} == {"BG606"}
     assert words in failed.value.diagnostics[0].sentence
     assert not Path("never.fmu").exists()
+
+
+def test_a_model_that_a_run_keeps_sparse_has_dense_matrices_up_to_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    text = (MODELS / "rc_ladder.bg").read_text().replace("n = 10", "n = 110")
+    mine = bondgraph.load(text).simulate(rtol=1e-8, points=11)
+    exported(text, tmp_path, "charge")
+    found = run(tmp_path, "CoSimulation", rtol=1e-8, output_interval=2e-3)
+    assert found["u_end"] == pytest.approx(mine["u_end"], abs=1e-8)
+    monkeypatch.setattr(start, "MOST", 9)
+    with pytest.raises(CompilationFailed, match="10 states and unknowns"):
+        bondgraph.load(MODELS / "rc_ladder.bg").to_fmu("never.fmu")
 
 
 def test_the_command_writes_units(tmp_path: Path) -> None:

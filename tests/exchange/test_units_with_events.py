@@ -290,6 +290,16 @@ TANKS = """plain model Tanks {
 }"""
 
 
+VALVE = """import IdealDiode from electric
+model Half {
+  Se source : u = 10 V*sin(2*pi*50 Hz*time)
+  R load : u = 100 ohm*i
+  IdealDiode part
+  source -> 1(load, part.pins)
+  output u = load.u
+}"""
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_switched_junctions_are_modes_of_one_system(kind: str, tmp_path: Path) -> None:
     """A run changes its program seven times on the way; the unit has all four sets of equations."""
@@ -416,6 +426,7 @@ def test_reference_units_behave_as_documented(tmp_path: Path) -> None:
         (BALL.replace("1 body : translation", "1 body : translation { active = falls > 0.5 }"), "`mass.p`, which may jump"),
         (TANKS.replace("active = fills > 0.5", "active = two.f > 0.1"), "`inlet`, whose condition reads what"),
         (TANKS.replace("e = r*f", "e = r*f + f^3"), "switched junctions beside"),
+        (VALVE, "ideal valves"),
         (CHAIN.replace("when u > 1", "when u > exp(x)*x^7"), "less than a step"),
         (CHAIN.replace("when u > 1", "when u > 1 and delay(x, 1) > 3"), "delayed signals"),
     ],

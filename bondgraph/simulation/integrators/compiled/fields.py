@@ -63,11 +63,11 @@ def given_at(
     }  # fmt: skip
 
 
-def room_of(program: Program, method: int, signals: int, bends: int, peaks: int) -> dict[str, Any]:
-    """Return the other fields, which depend on the program and the method alone."""
+def room_of(program: Program, method: int, signals: int, bends: int, peaks: int, dense: bool = False) -> dict[str, Any]:  # fmt: skip
+    """Return the other fields, which depend on the program and the method alone. `dense`: whatever its size is."""
     n = len(program.states.names) + len(program.unknowns.names)
     differential, entries = len(program.states.names), len(program.pattern[0])
-    large = is_sparse(program)
+    large = is_sparse(program) and not dense
     row = METHODS[method]
     order = 3 * n if row.conserving else 0 if large else n  # size of the linear systems
     pairs = [0 if row.conserving else order, *2 * [order if row.stages > 3 else 0]]
