@@ -158,6 +158,7 @@ def _variable(place: int, item: FmuVariable, report: Reported | None, older: boo
     real: dict[str, str] = {}
     real |= {"unit": item.unit} if item.unit else {}
     real |= {"displayUnit": report.unit} if report is not None else {}
+    real |= {word: repr(bound) for word, bound in (("min", item.least), ("max", item.most)) if bound is not None}
     real |= {"nominal": repr(item.nominal)} if item.nominal is not None and item.nominal > 0 else {}
     real |= {"start": repr(item.start)} if item.start is not None else {}
     real |= {"derivative": str(item.derivative_of + older)} if item.derivative_of is not None else {}

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from compiler.api import CHANGING, Number, Source, read_unit
+from compiler.api import CHANGING, Apply, Number, Source, read_unit
 
 if TYPE_CHECKING:
-    from compiler.api import Lowered, ProgramStructure, Variable
+    from compiler.api import Expression, Lowered, ProgramStructure, Variable
 
     from .start import StartValues
 
@@ -35,6 +36,8 @@ class FmuVariable:
     reset: bool = False  # True for a state that events set
     is_indicator: bool = False
     is_clock: bool = False
+    least: float | None = None
+    most: float | None = None
 
 
 def variables_of(
@@ -47,7 +50,30 @@ def variables_of(
         _outputs(lowered, structure, descriptions), _discretes(lowered, descriptions),
         _indicators(lowered, structure) if indicated else (), _clocks(lowered) if indicated else (),
     )  # fmt: skip
-    return tuple(_unique([item for group in groups for item in group]))
+    requirements: dict[str, list[tuple[Expression, Apply]]] = {}
+    for limit in lowered.limits:
+        for value in limit.values:
+            if limit.note.kind != "table" and isinstance(limit.condition, Apply):
+                requirements.setdefault(value.name, []).append((value.expression, limit.condition))
+    return tuple(_unique([_bounded(item, requirements.get(item.name, ())) for group in groups for item in group]))
+
+
+def _bounded(item: FmuVariable, requirements: Sequence[tuple[Expression, Apply]]) -> FmuVariable:
+    """Return a variable with what requirements compare it with, where that is a number and the start is not beyond it."""
+    least, most = -math.inf, math.inf
+    for own, condition in requirements:
+        waiting = [*condition.operands[:1]]
+        while waiting:
+            match waiting.pop():
+                case Apply(operator="and", operands=parts):
+                    waiting += parts
+                case Apply(operator="less" | "less_equal", operands=(Number(value=number), side)) if side == own:
+                    least = max(least, number)
+                case Apply(operator="less" | "less_equal", operands=(side, Number(value=number))) if side == own:
+                    most = min(most, number)
+    if item.start is not None and not least <= item.start <= most:
+        return item
+    return replace(item, least=None if least == -math.inf else least, most=None if most == math.inf else most)
 
 
 def _states(lowered: Lowered, values: StartValues, descriptions: Mapping[str, str]) -> Iterator[FmuVariable]:

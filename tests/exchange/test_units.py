@@ -108,6 +108,17 @@ def test_a_closed_form_with_a_time_event_that_a_parameter_moves(kind: str, fmi: 
     assert found["work"] == pytest.approx(0.5 * 12.5 * found["x"] ** 2, rel=1e-12)
 
 
+def test_requirements_are_least_and_largest_values(tmp_path: Path) -> None:
+    """Where a number is compared with the quantity itself; a start that is beyond it would make the description wrong."""
+    limits = '  require m > 0 kg and t_0 <= 2 s "a"\n  require 3 N >= pull_by and pull_by >= -3 N "b"\n  require spring.x < 4 m "c"\n  require x >= -2 m "d"\n'
+    others = '  require k < m*5 [N/(m*kg)] "e"\n  require x_0 > 1 m "f"\n  require abs(x) < 3 m or m < 5 kg "g"\n'
+    for fmi in VERSIONS:
+        found = exported(SPRING.replace("  1 body\n", f"  1 body\n{limits}{others}"), tmp_path, fmi=fmi)
+        bounds = {v.name: (v.min, v.max) for v in found.modelVariables if v.min is not None or v.max is not None}
+        least = {"m": ("0.0", None), "t_0": (None, "2.0"), "pull_by": ("-3.0", "3.0"), "spring.x": (None, "4.0")}
+        assert bounds == least | {"x": ("-2.0", None)}
+
+
 def test_a_looser_tolerance_is_met_with_a_larger_error(tmp_path: Path) -> None:
     exported(SPRING, tmp_path)
     errors = []
