@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from .metamorphosis.text_changes import TEXT_CHANGES, Inapplicable, TextChange, TextScene, scene_of
     from .persistent_cache import CacheBackend
     from .project import EditedFile, Project, FileSurvey
+    from .fast_dataclass import dataclass
     from .garbage_collection import uncollected
     from .jit.arrays import Bytes, Floats, Ints, Numbers, Record, ShortInts, sized
     from .jit.c_source import c_source, small_functions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from math import ulp
 from operator import attrgetter
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from compiler.api import Array, Hybrid, Program, Ranges, TimeFunction, TimeFunctions
+from compiler.api import Array, Hybrid, Program, Ranges, TimeFunction, TimeFunctions, dataclass
 
 from ...errors import RunFailed
 from ...numerics.roots import crossing
