@@ -186,13 +186,13 @@ def test_an_event_moves_only_what_it_sets(tmp_path: Path) -> None:
     assert jumps[2] > 0.1
 
 
-# the second opinion's reactions are without what bonds exert on the joint: those of joints without bonds
+# order, backward, joints with bonds, joint of which the reaction is read
 OPINIONS = [
     ("abc", "", "bc", "a"),
     ("abc", "ac", "ac", "b"),
-    ("abc", "b", "ab", "c"),
-    ("cba", "", "bc", "a"),
-    ("cab", "abc", "ab", "c"),
+    ("abc", "b", "ab", "b"),
+    ("cba", "", "bc", "c"),
+    ("cab", "abc", "ab", "a"),
 ]
 
 

@@ -1,4 +1,4 @@
-"""`python tests/second_opinion FOLDER [--networks N] [--mechanisms N] [--structured N] [--typed N] [--first SEED] [--workers W] [--seconds S] [--counts] [--scales N]`: random models by the thousand.
+"""`python tests/second_opinion FOLDER [--networks N] [--mechanisms N] [--structured N] [--typed N] [--spatial N] [--first SEED] [--workers W] [--seconds S] [--counts] [--scales N]`: random models by the thousand.
 
 Each is run by the product and by the second opinion. `FOLDER/journal.jsonl` has a line for each verdict: the same command goes on where it was ended, and
 `--counts` only says what is there. What disagrees and what the product refuses alone is written as a model into the folder, made smaller. Ends with 1 if anything disagreed.
@@ -34,7 +34,8 @@ def jobs(given: argparse.Namespace, known: set[tuple[str, int]]) -> Iterator[tup
         if number % (SHARE * TOGETHER) == 0:
             yield from (j for j in itertools.islice(mechanisms, TOGETHER) if j[:2] not in known)
     typed = (("typed", s, given.seconds) for s in range(first, first + given.typed))
-    yield from (j for j in itertools.chain(mechanisms, structured, typed) if j[:2] not in known)
+    spatial = (("spatial", s, given.seconds) for s in range(first, first + given.spatial))
+    yield from (j for j in itertools.chain(mechanisms, structured, typed, spatial) if j[:2] not in known)
 
 
 def in_other_units(numbers: range, seconds: int) -> int:
@@ -61,6 +62,7 @@ def main() -> int:
     parser.add_argument("--mechanisms", type=int, default=10_000)
     parser.add_argument("--structured", type=int, default=10_000, help="of multibonds, conditions and loops of signals")
     parser.add_argument("--typed", type=int, default=10_000, help="of planar and spatial multibonds, units and slots")
+    parser.add_argument("--spatial", type=int, default=10_000, help="mechanisms in space")
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--seconds", type=int, default=5, help="of the processor, at most, for one model")

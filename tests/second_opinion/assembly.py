@@ -16,6 +16,7 @@ from compiler.algebra.formula import Bound
 from compiler.graph.elements import Kind
 from compiler.graph.network import BondGraph, Element, Event, Junction, MechanismNode, PortVariable, Quantity, Reading
 from tests.second_opinion.linkage import Linkage
+from tests.second_opinion.spatial_linkage import SpatialLinkage
 from tests.second_opinion.writer import COMPLEX, REAL, NotHeld, Writer, function, slope
 
 STATIC = frozenset({"parameter", "constant"})
@@ -233,7 +234,7 @@ def assembled(graph: BondGraph, free: Mapping[str, float]) -> Assembly:
 def _declare_states(a: Assembly) -> None:
     for number, node in enumerate(a.graph.nodes):
         if isinstance(node, MechanismNode):
-            a.linkages[node.name] = Linkage(a, node)
+            a.linkages[node.name] = (Linkage if node.mechanism.planar else SpatialLinkage)(a, node)
         if isinstance(node, Element) and node.stored:
             for port in range(len(node.ports)):
                 a.stored[node.name, port] = len(a.rates)
@@ -310,7 +311,7 @@ def _mechanism(a: Assembly, number: int, node: MechanismNode) -> None:
         for bond_number, bond in enumerate(a.graph.bonds):
             for end, sign in ((bond.tail, -1.0), (bond.head, 1.0)):
                 if end == (number, port):
-                    a.equal_zero(a.flow(bond_number) - linkage.reading(item.name, "f"))
+                    a.equal_zero(a.flow(bond_number) - linkage.flow(item.name))
                     linkage.push(item.name, multiply(Number(sign), a.effort(bond_number)))
     linkage.close()
 

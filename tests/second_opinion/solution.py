@@ -556,66 +556,71 @@ def _shared(system: System, number: int, port: int) -> list[tuple[str, Linkage, 
 
 def _pose(linkage: Linkage, x: Array) -> None:
     """Poses, then rates: given starts, constraints; joints without a start are as drawn and at rest."""
-    said = linkage.said()
-    targets = [(c, v) for c, v, rate in said if not rate]
-    places = np.array([p for p, _ in linkage.places])
-    rates = np.array([r for _, r in linkage.places])
-    if not len(places):
+    if not linkage.places:
         return
-    unsaid = linkage.unsaid()
-    drawn = [(c, _number(linkage.a, c, 0.0, x.tolist())) for c in unsaid]
-    closed = [(c, 0.0) for c in linkage.constraints]
+    said = [(linkage.posed(linkage.coordinate(path)), linkage.flow(path), v, rate) for path, v, rate in linkage.said()]
+    targets = [(c, v) for c, _, v, rate in said if not rate]
+    unsaid = [linkage.posed(linkage.coordinate(path)) for path in linkage.unsaid(rate=False)]
+    drawn = list(zip(unsaid, _slopes(unsaid, [], x)[1], strict=True))
+    closed = [(c, 0.0) for c in linkage.closed()]
     if targets:
         for extra in (drawn, []):
             trial = x.copy()
-            if _moved(trial, places, [*closed, *targets, *extra], targets, full=not extra):
+            if _moved(trial, linkage.places, [*closed, *targets, *extra]):
                 x[:] = trial
                 break
         else:
             raise Undecided("a start that does not say all poses")
-    jac, _ = _slopes([c for c, _ in [*closed, *((c, v) for c, v, r in said if r)]], places, x)
-    wanted = np.array([0.0] * len(closed) + [v for _, v, r in said if r])
-    if not wanted.any():
+    x[[s.key.number for s in linkage.turns]] = _slopes(list(linkage.turns.values()), [], x)[1]  # type: ignore[attr-defined]
+    asked = [0.0] * len(linkage.rates) + [v for _, _, v, rate in said if rate]
+    if not any(asked):
         return
-    rest, _ = _slopes(unsaid, places, x)
-    for extra in (rest, rest[:0]):
-        matrix = np.vstack([jac, extra.reshape(-1, len(places))])
-        right = np.concatenate([wanted, np.zeros(len(extra))])
+    flows = [*linkage.rates, *(flow for _, flow, _, rate in said if rate)]
+    for extra in ([linkage.flow(path) for path in linkage.unsaid(rate=True)], []):
+        matrix = _slopes([*flows, *extra], linkage.speeds, x)[0]
+        right = np.array([*asked, *(0.0 for _ in extra)])
         v, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=1e-10)
-        if np.abs(matrix @ v - right).max(initial=0.0) < 1e-9 * (1 + np.abs(right).max()) and rank == len(places):
-            x[rates] = v
+        if np.abs(matrix @ v - right).max() < 1e-9 * (1 + np.abs(right).max()) and rank == len(v):
+            x[linkage.speeds] = v
             return
     raise Undecided("a start that does not say all rates")
 
 
-def _slopes(coordinates: Sequence[Any], places: Array, x: Array) -> tuple[Array, Array]:
-    """The slopes of coordinates by the poses, and their values."""
+def _slopes(coordinates: Sequence[Any], places: Sequence[int], x: Array) -> tuple[Array, Array]:
+    """The slopes of coordinates by states, and their values."""
+    return _sloped(_evaluated(coordinates), places, x)
+
+
+def _evaluated(coordinates: Sequence[Any]) -> Any:
     writer = Writer(lambda key: f"x[{key.number}]", frozen=False)
     names = ", ".join(writer.write(c) for c in coordinates)
-    value = function("value", "x", writer.lines, f"[{names}]", COMPLEX)
+    return function("value", "x", writer.lines, f"[{names}]", COMPLEX)
+
+
+def _sloped(value: Any, places: Sequence[int], x: Array) -> tuple[Array, Array]:
     columns = []
     for p in places:
         shifted = x.astype(complex)
         shifted[p] += 1j * TINY
         columns.append([complex(v).imag / TINY for v in value(shifted.tolist())])
     here = np.array([complex(v).real for v in value(x.astype(complex).tolist())])
-    return np.array(columns).T.reshape(len(coordinates), len(places)), here
+    return np.array(columns).T.reshape(len(here), len(places)), here
 
 
-def _moved(x: Array, places: Array, wanted: Sequence[Any], targets: Sequence[Any], full: bool) -> bool:
+def _moved(x: Array, places: Sequence[int], wanted: Sequence[Any]) -> bool:
     """Go from the drawing to the wanted values, in small steps. Return True if they are reached, and all poses are given."""
-    coordinates = [c for c, _ in wanted]
+    coordinates = _evaluated([c for c, _ in wanted])
     goal = np.array([v for _, v in wanted])
-    begin = _slopes(coordinates, places, x)[1]
+    begin = _sloped(coordinates, places, x)[1]
     for share in np.linspace(0, 1, 41)[1:]:
         aim = begin + share * (goal - begin)
         for _ in range(20):
-            jac, here = _slopes(coordinates, places, x)
+            jac, here = _sloped(coordinates, places, x)
             change, _, rank, _ = np.linalg.lstsq(jac, aim - here, rcond=1e-10)
             x[places] += change
             if np.abs(change).max() < 1e-14:
                 break
-    missed = np.abs(_slopes(coordinates, places, x)[1] - goal).max(initial=0.0)
+    missed = np.abs(_sloped(coordinates, places, x)[1] - goal).max(initial=0.0)
     return bool(missed < 1e-10 and rank == len(places))
 
 

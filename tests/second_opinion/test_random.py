@@ -15,12 +15,13 @@ from tests.second_opinion import comparison
 from tests.second_opinion.comparison import compared, second
 from tests.second_opinion.random_models import PARTS, mechanism, network
 from tests.second_opinion.solution import Undecided
+from tests.second_opinion.spatial_models import spatial
 from tests.second_opinion.structured_models import structured
 from tests.second_opinion.trial import KINDS, campaign, verdict_on
 from tests.second_opinion.typed_models import typed
 
 # Seeds that disagree today, with what is wrong. They go from here with their cause.
-WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}, "structured": {}, "typed": {}}
+WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}, "structured": {}, "typed": {}, "spatial": {}}
 
 
 @pytest.mark.parametrize(
@@ -30,6 +31,7 @@ WRONG: dict[str, dict[int, str]] = {"network": {}, "mechanism": {}, "structured"
         ("mechanism", range(100, 105)),
         ("structured", range(4, 44, 8)),
         ("typed", range(5, 29, 8)),
+        ("spatial", (16, 40, 80, 136, 144)),
     ],
 )
 def test_random_models(kind: str, seeds: Sequence[int]) -> None:
@@ -51,7 +53,7 @@ def test_valves_whose_current_is_rounding(seed: int, own: list[float]) -> None:
     np.testing.assert_allclose(found["y0"][1:], own, rtol=1e-5)
 
 
-@pytest.mark.parametrize("make", [network, mechanism, structured, typed])
+@pytest.mark.parametrize("make", [network, mechanism, structured, typed, spatial])
 def test_a_seed_gives_the_same_text(make: type) -> None:
     texts = [[make(s).written(make(s).parameters) for s in range(16)] for _ in range(2)]
     assert texts[0] == texts[1]
@@ -87,6 +89,8 @@ PLANTED = {
     "a mass by 1e-3": ("mechanism", r"mass = p_0", "mass = 1.001*p_0"),
     "a torque against": ("mechanism", r"(R r_0 : M =) ", r"\1 -1*"),
     "gravity by 1e-4": ("mechanism", r"-9.81 ", "-9.811 "),
+    "a tensor by 1e-3": ("spatial", r"inertia = (\S+)\*\(", r"inertia = 1.001*\1*("),
+    "an axis by 1e-3": ("spatial", r"(about|along) = \((\S+),", r"\1 = (1.001*\2,"),
 }
 
 

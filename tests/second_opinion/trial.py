@@ -11,6 +11,7 @@ from typing import Any
 
 from tests.second_opinion.comparison import Verdict, compared
 from tests.second_opinion.random_models import Example, mechanism, network
+from tests.second_opinion.spatial_models import spatial
 from tests.second_opinion.structured_models import structured
 from tests.second_opinion.typed_models import typed
 
@@ -19,6 +20,7 @@ KINDS: dict[str, Callable[[int], Example]] = {
     "mechanism": mechanism,
     "structured": structured,
     "typed": typed,
+    "spatial": spatial,
 }
 BUDGET = 2500  # iterations of Newton's method
 POINTS = 4
