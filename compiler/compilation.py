@@ -114,7 +114,7 @@ class Compilation:
 
     @property
     def choices(self) -> Mapping[str, tuple[str, ...]]:
-        """Parameters that are one of several words, with these."""
+        """Parameters that are one of several words, with these, and those that are texts, with none."""
         return self._built.choices
 
     @property

@@ -88,6 +88,7 @@ class Swept:
     name: str
     values: tuple[float, ...]
     unit: str
+    words: tuple[str, ...] = ()  # of a choice, or the texts: then the values are places among them, from 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,8 +146,15 @@ class Outcome(Sequence[Point], OfModel, Summarised, Plotted, Exported):
         return np.asarray(self.table()[:, self.names.index(name)])
 
     def to_json(self) -> dict[str, Any]:
-        """Return JSON values by the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}."""
-        return {**head(SCHEMA, self), **entries(self, "swept", "points", "notes")}
+        """Return JSON values by the schema `bondgraph-outcome/1`: {schema, model, experiment, swept: {name: unit}, points: [{settings, …}], notes}.
+
+        Where words or texts were swept, `words: {name: [word, …]}` are what their numbers stand for, from 1.
+        """
+        return {**head(SCHEMA, self), **entries(self, "swept", "points", "notes", *["words"] * bool(self.words))}
+
+    def in_words(self, settings: Mapping[str, float]) -> dict[str, str | float]:
+        """Return settings with words in the place of the numbers that stand for them."""
+        return {n: self.words[n][int(v) - 1] if n in self.words else v for n, v in settings.items()}
 
     @property
     def grid(self) -> tuple[int, ...] | None:
@@ -186,8 +193,10 @@ class Outcome(Sequence[Point], OfModel, Summarised, Plotted, Exported):
         return draw(self, path, "curves")
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the table as .csv into a file of any name. Raises OSError."""
-        write_csv(path, dict(zip(self.names, self.table().T, strict=True)), self.units)
+        """Write the table as .csv, with words where they were swept, into a file of any name. Raises OSError."""
+        columns = dict(zip(self.names, self.table().T, strict=True))
+        words = {n: np.array([self.in_words(p.settings)[n] for p in self.points]) for n in self.words}
+        write_csv(path, columns | words, self.units)
 
 
 def numbers_of(role: str, found: Any) -> Numbers:

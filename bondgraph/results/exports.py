@@ -112,15 +112,13 @@ def write_csv(path: str | os.PathLike[str], columns: Mapping[str, Array], units:
 
 
 def write_rows(path: str | os.PathLike[str], heads: Sequence[str], columns: Sequence[Array]) -> None:
-    """Write CSV from headings, quoted where necessary, and columns of one length, with 17 significant digits."""
-    import numpy as np
-
-    row = ",".join(["%.17g"] * len(heads)) + "\n"
+    """Write CSV from headings, quoted where necessary, and columns of one length: numbers with 17 significant digits, or texts."""
+    row = ",".join('"%s"' if column.dtype.kind == "U" else "%.17g" for column in columns) + "\n"
     with replacing(path) as stream:
         stream.write((",".join(heads) + "\n").encode("utf-8"))
         for first in range(0, len(columns[0]) if columns else 0, ROWS_AT_ONCE):
-            rows = np.column_stack([column[first : first + ROWS_AT_ONCE] for column in columns]).tolist()
-            stream.write("".join(row % tuple(numbers) for numbers in rows).encode("ascii"))
+            rows = zip(*(column[first : first + ROWS_AT_ONCE].tolist() for column in columns), strict=True)
+            stream.write("".join(row % cells for cells in rows).encode("utf-8"))
 
 
 def write_npz(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:

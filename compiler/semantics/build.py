@@ -42,7 +42,9 @@ class Built:
     files: tuple[Source, ...] = ()  # files that were read in addition to the text
     positive: tuple[tuple[str, Bound], ...] = ()  # expressions that must not be negative; only a run knows their values
     structural: frozenset[str] = frozenset()  # quantities that decide which parts there are
-    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # parameters that are one of several words
+    choices: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # parameters that are one of several words; of a text none
     truths: frozenset[str] = frozenset()  # quantities that are true or false
 
     def checking(self, checks: Iterable[Requirement], fixed: Set[str] = frozenset()) -> Built:
@@ -313,6 +315,7 @@ class _Opened:
         choices = {p.name: tuple(word for word, _ in p.item.choices) for p in elaborator.pending if p.item.choices}
         truths = (p.name for p in elaborator.pending if isinstance(p.result, Scalar) and p.result.truth)
         structural = behind(elaborator.structural, graph.quantities)
+        choices |= {p.name: () for p in elaborator.pending if getattr(p.result, "text", None) is not None}
         built = Built(graph, plan, (), tuple(elaborator.positive), structural, choices, frozenset(truths))
         if "*" not in self.scene.free:
             return built

@@ -89,8 +89,8 @@ PLANTED = {
     "a mass by 1e-3": ("mechanism", r"mass = p_0", "mass = 1.001*p_0"),
     "a torque against": ("mechanism", r"(R r_0 : M =) ", r"\1 -1*"),
     "gravity by 1e-4": ("mechanism", r"-9.81 ", "-9.811 "),
-    "a tensor by 1e-3": ("spatial", r"inertia = (\S+)\*\(", r"inertia = 1.001*\1*("),
-    "an axis by 1e-3": ("spatial", r"(about|along) = \((\S+),", r"\1 = (1.001*\2,"),
+    "a tensor by 1e-3": ("spatial", r"(rocker .* inertia = )", r"\g<1>1.001*"),
+    "an axis by 1e-3": ("spatial", r"(main .* about = )\((\S+),", r"\1(1.001*\2,"),
 }
 
 

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 import bondgraph
+from bondgraph import CompilationFailed
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
 from bondgraph.studies.workers import work
@@ -47,6 +48,35 @@ def test_a_grid_of_equilibria_and_modes(model: Any) -> None:
     assert found("x") == pytest.approx(loads / k, rel=1e-12, abs=1e-18)
     assert found("frequency 1") == pytest.approx(np.sqrt(k / 2) / (2 * np.pi), rel=1e-12)
     assert "um" in found.summary() and found[-1].equilibrium.stable
+
+
+def test_texts_and_choices_are_swept_by_their_words(tmp_path: Path) -> None:
+    """In an experiment, from Python and from the command line; tables, files and pictures have the words."""
+    for name, slope in (("a", 1), ("b", 5)):
+        (tmp_path / f"{name}.csv").write_text(f"x [m], f [N]\n0, 0\n1, {slope}\n")
+    (tmp_path / "m.bg").write_text("""model M {
+  parameter file = "a.csv", other = "b.csv", kind: { single, double } = single
+  output f = linear(0.5 m, column(file, "x"), column(file, "f"))*(2 if kind == double else 1)
+  experiment all { sweep kind = double, single; sweep file = other, "a.csv"; equilibrium }
+}
+""")
+    model = bondgraph.load(tmp_path / "m.bg")
+    for found in (model.run(), model.sweep({"kind": "double, single", "file": ['"b.csv"', '"a.csv"']}, "equilibrium")):
+        assert found("f").tolist() == [5.0, 1.0, 2.5, 0.5]
+        assert [found.in_words(p.settings) for p in found][1] == {"kind": "double", "file": "a.csv"}
+        assert "double  b.csv    5" in found.summary()
+        assert found.to_json()["words"]["file"] == ["b.csv", "a.csv"]
+    axis = found.plot().axes[-1]
+    assert [label.get_text() for label in axis.get_xticklabels()] == ["b.csv", "a.csv"]
+    found.write(tmp_path / "s.csv")
+    assert (tmp_path / "s.csv").read_text().splitlines()[2] == '"double","a.csv",1'
+    call = ["sweep", str(tmp_path / "m.bg"), "--of", "equilibrium", "--together", "--over"]
+    told = CliRunner().invoke(commands, [*call, 'file="b.csv", "a.csv"', "--out", "-"]).output
+    assert told.splitlines()[:3] == ['"file [1]","f [N]"', '"b.csv",2.5', '"a.csv",0.5']
+    told = CliRunner().invoke(commands, [*call, "file=b.csv, a.csv"]).output
+    assert "`file` cannot be `b.csv`; it can be texts in quotation marks" in told
+    with pytest.raises(CompilationFailed, match='A text stands in quotation marks: `sweep file = "single"`'):
+        _ = bondgraph.load((tmp_path / "m.bg").read_text().replace("= other, ", "= single, ")).run()
 
 
 def test_what_a_call_sets_is_not_swept(model: Any) -> None:

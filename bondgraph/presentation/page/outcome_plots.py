@@ -52,7 +52,11 @@ def _swept(model: AnalysedModel, outcome: Outcome) -> Plot:
         return NOTHING
     ((swept, (unit, scale)),) = author_units(model, outcome.swept).items()
     values = [float(f"{scale.from_si(p.settings[swept]):.12g}") for p in outcome.points]
-    runs = [(f"{short(swept)} = {v:.7g} {unit}".rstrip(), p.run) for v, p in zip(values, outcome.points, strict=True)]
+    words = [
+        outcome.in_words(p.settings)[swept] if outcome.words else f"{v:.7g} {unit}"
+        for v, p in zip(values, outcome.points, strict=True)
+    ]
+    runs = [(f"{short(swept)} = {w}".rstrip(), p.run) for w, p in zip(words, outcome.points, strict=True)]
     finished = [(at, run) for at, run in runs if run is not None]
     if not finished or any(not np.array_equal(run.time, finished[0][1].time) for _, run in finished):
         return (swept, unit, False), values, [_curve(outcome, n, outcome(n)) for n in outcome.names if n != swept]

@@ -40,7 +40,9 @@ def plot_curves(found: Outcome) -> Figure:
     points = [(p.settings, p.run) for p in found.points if p.run is not None]
     if not points and not found.failures:
         raise UsageError("BR943", "there are no curves: nothing is simulated at the points", "ask for `simulate`")
-    return _family([run for _, run in points], [settings_text(settings, found.swept) for settings, _ in points])
+    return _family(
+        [run for _, run in points], [settings_text(found.in_words(settings), found.swept) for settings, _ in points]
+    )
 
 
 def settings_text(settings: Mapping[str, str | float], units: Mapping[str, str]) -> str:

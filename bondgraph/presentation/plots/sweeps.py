@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -51,11 +51,18 @@ def _plot_swept(found: Outcome) -> Figure:
             order = np.array(rows)[np.argsort(along[rows], kind="stable")]
             panel.plot(along[order], column[order], marker="o", markersize=3, **curve_style(k))
         panel.set_ylabel(labelled(name, unit, 24), parse_math=False)
+    _set_words(found, last, panels[-1].xaxis)
     panels[-1].set_xlabel(labelled(last, found.swept[last], 40), parse_math=False)
     if others:
-        settings = (settings_text(dict(zip(others, key, strict=True)), found.swept) for key in groups)
+        settings = (settings_text(found.in_words(dict(zip(others, key, strict=True))), found.swept) for key in groups)
         legend(panels[0], settings, longest=1000, fontsize=7)
     return figure
+
+
+def _set_words(found: Outcome, name: str, axis: Any) -> None:
+    """Show the words that were swept in the place of their numbers."""
+    if name in found.words:
+        axis.set_ticks(np.arange(len(found.words[name])) + 1.0, found.words[name])
 
 
 @picture

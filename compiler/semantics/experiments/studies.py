@@ -38,6 +38,9 @@ def read_sweep(
     if own and not any(p.head == path.head for e in read for p in paths_of(e)):
         advice = f"Sweep a parameter or an input, or read it: `set NAME = {name}`, `invert u to y = {name}`."
         raise Wrong(WrongExperiment(path.span, f"Nobody reads the swept `{name}`", advice))
+    if entry.text is not None:
+        texts = tuple(_text(elaborator, value, name, root) for value in step.values)
+        return Swept(name, tuple(1.0 + texts.index(t) for t in texts), str(ONE), texts)
     unit = scale_of(step.unit) if step.unit is not None else None
     values: list[float] = []
     item = next((p.item for p in elaborator.pending if p.name == name), None)
@@ -58,7 +61,19 @@ def read_sweep(
             if number is None:
                 raise Wrong(WrongExperiment(value.span, "A swept value is known before the run", "Write numbers."))
             values.append(number)
-    return Swept(name, tuple(values), str(entry.dimension or ONE))
+    return Swept(name, tuple(values), str(entry.dimension or ONE), entry.choices)
+
+
+def _text(elaborator: Elaborator, value: tree.ExpressionSyntax, name: str, root: Scope) -> str:
+    """A text in quotation marks, or that of another parameter. Raises `Wrong`."""
+    if isinstance(value, tree.PathSyntax) and root.find(value.head) is not None:
+        found = getattr(elaborator.lookup(value, root), "text", None)
+    else:
+        found = value if isinstance(value, tree.TextSyntax) else None
+    if found is None:
+        hint = f'A text stands in quotation marks: `sweep {name} = "{value.span.words}"`.'
+        raise Wrong(WrongValue(value.span, name, "the sweep", value.span.words, hint))
+    return str(found.value)
 
 
 def _choice(value: tree.ExpressionSyntax, name: str, choices: tuple[str, ...]) -> float:
