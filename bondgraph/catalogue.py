@@ -114,11 +114,13 @@ def _joined(key: str, body: Sequence[str]) -> str:
 
 
 def found_by(parts: Sequence[LibraryPart], words: Sequence[str]) -> tuple[LibraryPart, ...]:
-    """Return the parts that all of these words describe, those first whose name has them. Capitals do not matter."""
+    """Return the parts that all of these words describe, those first whose name has them. Capitals do not matter, nor hyphens and spaces in a name."""
     folded = [w.casefold() for w in words]
+    joined = [re.sub(r"[\s-]", "", w) for w in folded]
     described = {p.name: f"{p.name} {p.library} {p.description} {p.law} {p.source} {p.words}".casefold() for p in parts}
-    chosen = [p for p in parts if all(w in described[p.name] for w in folded)]
-    return tuple(sorted(chosen, key=lambda p: not all(w in p.name.casefold() for w in folded)))
+    named = {p.name: [w in p.name.casefold() for w in joined] for p in parts}
+    chosen = [p for p in parts if all(n or w in described[p.name] for w, n in zip(folded, named[p.name], strict=True))]
+    return tuple(sorted(chosen, key=lambda p: not all(named[p.name])))
 
 
 def interface_of(part: LibraryPart) -> Interface:

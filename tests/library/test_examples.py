@@ -92,6 +92,14 @@ def test_the_list_has_every_part_with_its_file() -> None:
 def test_words_find_parts_by_all_that_is_told_of_them() -> None:
     assert {p.name for p in found_by(PARTS, ["STRIBECK", "bearing"])} == {"RotaryFriction"}
     assert found_by(PARTS, ["valve"])[0].name == "Valve"
+    for words, name in {
+        "gap-closing": "GapClosingComb",
+        "squeeze film": "SqueezeFilm",
+        "side-moving": "SideComb",
+        "BLDC": "Pmsm",
+        "ball screw": "Screw",
+    }.items():
+        assert found_by(PARTS, [words])[0].name == name
     assert run("no", "such").exit_code == 2
     assert "there is Diode" in run("Dioda").stderr
 

@@ -67,13 +67,13 @@ def read_sweep(
 def _text(elaborator: Elaborator, value: tree.ExpressionSyntax, name: str, root: Scope) -> str:
     """A text in quotation marks, or that of another parameter. Raises `Wrong`."""
     if isinstance(value, tree.PathSyntax) and root.find(value.head) is not None:
-        found = getattr(elaborator.lookup(value, root), "text", None)
+        text = getattr(elaborator.lookup(value, root), "text", None)
     else:
-        found = value if isinstance(value, tree.TextSyntax) else None
-    if found is None:
+        text = value if isinstance(value, tree.TextSyntax) else None
+    if text is None:
         hint = f'A text stands in quotation marks: `sweep {name} = "{value.span.words}"`.'
         raise Wrong(WrongValue(value.span, name, "the sweep", value.span.words, hint))
-    return str(found.value)
+    return str(text.value)
 
 
 def _choice(value: tree.ExpressionSyntax, name: str, choices: tuple[str, ...]) -> float:
