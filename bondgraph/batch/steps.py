@@ -20,7 +20,7 @@ from ..simulation.integrators.methods import EXPLICIT, METHODS, RADAU
 from ..simulation.integrators.outcomes import ABSENT, FAILURES, FINISHED, MORE, STIFF
 from ..simulation.integrators.workspace import IntegratorWorkspace
 from ..simulation.monitors.step_size_diagnosis import BEYOND, MANY
-from ..simulation.phases.notes import ROUNDED
+from ..simulation.phases.notes import MISSED, ROUNDED
 from ..simulation.phases.tolerances import given_tolerances
 from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals, signals_on
@@ -189,9 +189,8 @@ class BatchIntegrator:
         self.position[rows] = solver["position"]
         self.steps[rows] += solver["steps"]
         self.evaluations[rows] += _evaluations(solver)
-        plain = (
-            (solver["steps"] < MANY) & (solver["rounded"] <= ROUNDED) & (np.abs(solver["state"]) <= BEYOND).all(axis=1)
-        )
+        followed = (solver["missed"] <= MISSED).all(axis=1) & (np.abs(solver["state"]) <= BEYOND).all(axis=1)
+        plain = (solver["steps"] < MANY) & (solver["rounded"] <= ROUNDED) & followed
         self.sound[rows] &= plain
         return solver["state"] * solver["magnitude"]
 

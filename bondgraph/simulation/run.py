@@ -21,6 +21,7 @@ from ..numerics.threads import one_thread
 from ..results.result import Result
 from .phase import Phase, PhaseOptions
 from .phase_sequence import PhaseSequence
+from .phases.notes import misses_rates
 from .run_options import RunOptions, RunRequest, planned
 from .segments.run_values import MOST
 from .settings import refused_with_values, settle
@@ -94,7 +95,7 @@ def _with_zeros(model: CompiledModel, scene: Scene, wanted: RunOptions, start: R
 def run(
     model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: RunOptions, start: Result | None = None
 ) -> Result:
-    """Run a scene of a model; `values` are parameters set when it begins. Roots are unknowns of the steps where none leads on with their slopes."""
+    """Run a scene of a model; `values` are parameters set when it begins. Roots are unknowns of the steps where these collapse or miss rates otherwise."""
     try:
         return _run(model, scene, values, wanted, start)
     except StepsCollapsed as failed:
@@ -111,7 +112,7 @@ def run(
 def _run(
     model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: RunOptions, start: Result | None
 ) -> Result:
-    began = clock.perf_counter()
+    began, asked = clock.perf_counter(), scene
     energy, target = wanted.energy, wanted.target or chosen_target(None)
 
     def made(scene: Scene, everything: bool) -> CompiledScene:
@@ -168,6 +169,9 @@ def _run(
         error = RunBroken("BR710", f"{what}, after t = {run.reached:.9g} s")
         error.result = result
         raise error from broken
+    if not asked.steep and compiled_scene.facts.steep and any(misses_rates(leg.trajectory) for leg in run.legs):
+        with suppress(CompilationFailed, RunFailed, UsageError):
+            return _run(model, replace(asked, steep=True), values, wanted, start)
     result = run.result("")
     phase = run.legs[0].left() if len(run.legs) == 1 and start is None else None
     if phase is not None:

@@ -211,6 +211,21 @@ def test_runs_without_an_end_are_left_to_runs_alone() -> None:
     assert np.isfinite(many["position"][[0, 2]]).all()
 
 
+def test_rates_that_steps_miss_are_left_to_runs_alone() -> None:
+    """A law that is as steep as a root in one of two runs: that run warns."""
+    model = bondgraph.load("""plain model Volume {
+      parameter width = 1
+      C t : q = e
+      Sf s : f = sin(3*time)
+      R o : f = e/(e^2 + width)^0.375
+      s -> 0(t, o)
+      output e = t.e
+      experiment short { simulate 0 .. 2 { rtol = 1e-3 } }
+    }""")
+    first, second = simulate_together(CompiledModel(model.source), RunRequest(), [{"width": 1.0}, {"width": 1e-60}])
+    assert first is not None and second is None
+
+
 @pytest.mark.parametrize(
     "options", [{"energy": True}, {"solver": "radau"}, {"check": True}, {"error": True}, {"accuracy": 1e-4}, {"bandwidth": "1 kHz"}, {"target": "numpy"}]
 )  # fmt: skip

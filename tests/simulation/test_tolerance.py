@@ -352,3 +352,32 @@ def test_a_mode_that_no_longer_holds_gives_no_magnitude(stiffness: str) -> None:
         to=3, points=61, solver="radau", rtol=1e-4
     )
     assert np.abs(found["q"] - np.sin(found.time)).max() < 1e-4
+
+
+# efforts at 0.25 s, 0.75 s and 2.75 s, of Radau IIA of order 3 in the flow as variable, by steps of its own
+@pytest.mark.parametrize(
+    ("stiffness", "law", "rtol", "solver", "efforts"),
+    [
+        ("1e-3", "e = f*abs(f)", 1e-4, "automatic", [0.55584958, 0.80462225, 1.39691716]),
+        ("0.1", "f = sign(e)*sqrt(abs(e))", 1e-4, "radau13", [0.27819618, 1.32354036, 1.47078956]),
+        ("1", "f = sign(e)*abs(e)^(1/3)", 1e-3, "radau", [0.04395659, 0.35471752, 0.29092075]),
+        ("0.03", "f = e^(1/3) if e > 0 else 0", 1e-3, "radau13", [0.28402712, 1.58121554, -7.66724028]),
+    ],
+)
+def test_a_triangle_through_zero_beside_a_root(
+    stiffness: str, law: str, rtol: float, solver: str, efforts: list[float]
+) -> None:
+    """The root is infinitely steep at zero: corrections of 1e-20 counted as converged, and the flow stayed zero for a quarter of a period."""
+    found = volume(stiffness, law, "asin(sin(3*time))").simulate(to=7, points=29, rtol=rtol, solver=solver)
+    np.testing.assert_allclose(found["e"][[1, 3, 11]], efforts, atol=3 * rtol * np.abs(found["e"]).max())
+    assert not found.warnings
+
+
+@pytest.mark.parametrize(
+    ("solver", "target"), [("radau", None), ("radau", "numpy"), ("radau13", None), ("rodas", None)]
+)
+def test_rates_that_steps_miss_are_told(solver: str, target: str | None) -> None:
+    """As steep as a root of the fourth order, but for 1e-30: there is no root that could be an unknown, and the effort stayed at 1e-16."""
+    orifice = volume("1", "f = e/(e^2 + 1e-60)^0.375", "sin(3*time)")
+    (warning,) = orifice.simulate(to=2, points=3, rtol=1e-3, solver=solver, target=target).warnings
+    assert isinstance(warning, ToleranceDoubt) and "missed rates that would move `t.q`" in str(warning)

@@ -128,7 +128,7 @@ class NativeIntegrator:
             solver.keep_places(PLACES)
         solver.doubt(stepper.floor)
         if begun is not None:
-            solver.record.rounded, solver.left[:] = 0.0, 0
+            solver.record.rounded, solver.left[:], solver.missed[:] = 0.0, 0, 0.0
             solver.begin_at(stretch, x, stepper.signals(stretch), method, _automatic(stepper, method))
         else:
             solver.begin()
@@ -180,6 +180,7 @@ class NativeIntegrator:
         stepper.result.steps += record.steps
         stepper.count(solver.evaluations)
         stepper.result.rounded = max(stepper.result.rounded, record.rounded)
+        stepper.result.missed = np.maximum(stepper.result.missed, solver.missed)
         stepper.tell_crawling(solver, record.steps, self.stretch)
         if stepper.events is not None:
             stepper.grow(solver.greatest * self.tolerances.magnitude)

@@ -104,6 +104,7 @@ class IntegratorWorkspace(Record):
     last_error: float
     contraction: float  # contraction of the last Newton iteration
     rounded: float  # largest rounding, in tolerances, with which a step was accepted
+    missed: Floats = sized("n")  # most tolerances by which rates that a step has missed would move each state
     stages: Floats = sized("stage_room", "n")  # relative to the start of the last step
     # Jacobian and the matrices that it gives
     current: int  # 1 if the Jacobian belongs to this state

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...results.records import ToleranceDoubt
+from ..segments.trajectory import Trajectory
 from .solution import PhaseSolution
 
 if TYPE_CHECKING:
@@ -13,6 +16,7 @@ if TYPE_CHECKING:
     from ..events.events import Events
 
 ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
+MISSED = 30.0  # tolerances by which rates that a step has missed would move a state, from which a run warns
 
 
 def phase_notes(
@@ -39,6 +43,11 @@ def phase_notes(
     return tuple(notes)
 
 
+def misses_rates(trajectory: Trajectory) -> bool:
+    """Return True if a step has missed rates, by far more than the tolerance."""
+    return bool(np.max(trajectory.missed) > MISSED)
+
+
 def phase_doubts(solution: PhaseSolution, rtol: float) -> tuple[ToleranceDoubt, ...]:
     """Return the warnings that steps were accepted with many tolerances of rounding, and those of singular poses."""
     trajectory, doubts = solution.trajectory, list[ToleranceDoubt]()
@@ -48,6 +57,13 @@ def phase_doubts(solution: PhaseSolution, rtol: float) -> tuple[ToleranceDoubt, 
             f"rtol = {rtol * trajectory.rounded:.1g} is about the tightest that can be held"
         )
         doubts.append(ToleranceDoubt(float(solution.instants[0]), "", "tolerance below rounding", text, (), ""))
+    if misses_rates(trajectory):
+        worst = int(np.argmax(trajectory.missed))
+        text = (
+            f"a step has missed rates that would move `{solution.constraints.program.states.names[worst]}` by {trajectory.missed[worst]:.2g} tolerances: "
+            "a law beside it is so steep, as a root at zero, that its slope tells nothing of where the solution is; give it a finite slope there"
+        )
+        doubts.append(ToleranceDoubt(float(solution.instants[0]), "", "missed rates", text, (), ""))
     if solution.constraints.program.unknowns.names:
         from .open_loops import doubts_on_open_loops
 

@@ -74,6 +74,7 @@ class Trajectory:
     work: Any = None  # integral of the powers, if asked
     final: Any = None
     rounded: float = 0.0  # the most tolerances of rounding that a step was accepted with
+    missed: Any = 0.0  # most tolerances by which rates that a step has missed would move each state
     poses: list[SingularPose] = field(default_factory=list)  # singular poses passed on the way
     # transition at which the phase ends: other states are integrated from there on
     handover: PhaseTransition | None = None

@@ -21,6 +21,7 @@ from ..workspace import IntegratorWorkspace
 from .dop853_dense import NEAREST, PLACES
 from .evaluation import drop_noise, has_loops, put_end, put_end_rates, put_terms, rates, renew, renew_at
 from .kinks import first_bend
+from .missed_rates import keep_missed, keep_missed_by_rows
 from .newton_matrices import factorise_pair, factorise_real, solve_complex, solve_real
 from .peaks import first_peak
 from .radau_coefficients import MU, TI, WITHIN, C, E, T
@@ -143,10 +144,12 @@ def accept_stages(s: IntegratorWorkspace, end: float, size: float, norm: float, 
     if THROUGH_ENDS[s.method] != 0:
         for i in range(n):
             s.rest[i] = (D[0] * s.z[i] + D[1] * s.z[n + i] + D[2] * s.z[2 * n + i]) / size
+        keep_missed(s, end, size, s.rest)
         put_end(s, end, s.rest)
         for i in range(LEAST * n):
             s.stages[i] = s.z[i]
     else:
+        keep_missed_by_rows(s, end, size)
         put_end(s, end, s.rate)
         for i in range(ROWS * n):
             s.stages[i] = s.dense[i]

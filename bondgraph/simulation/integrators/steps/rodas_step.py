@@ -15,6 +15,7 @@ from ..workspace import IntegratorWorkspace
 from .dop853_dense import NEAREST, PLACES
 from .evaluation import look_at_side, put_end, rates, renew
 from .kinks import after_bend, first_bend
+from .missed_rates import keep_missed_by_rows
 from .newton_matrices import factorise_real, solve_real
 from .norms import factor
 from .peaks import first_peak
@@ -76,6 +77,9 @@ def rodas_step(s: IntegratorWorkspace) -> int:
     grown = GROWN if norm == 1.0 else max(SHORTEST, min(LONGEST, SAFETY * factor(s, size, norm, POWER)))
     s.size = size * (min(grown, 1.0) if rejected > 0 else grown)
     rates(s, end, s.new, s.rate)
+    for i in range(s.n):
+        s.per_tolerance[i] = 1.0 / (s.absolute[i] + abs(s.state[i]) * s.relative)
+    keep_missed_by_rows(s, end, size)
     put_end(s, end, s.rate)
     s.last_size = size
     s.last_error = max(norm, 1e-2)
