@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +34,7 @@ from .pipeline import Request, derive, equations_of, is_steep
 from .reduction import (
     Certificate,
     LinearLoops,
+    NotJoined,
     StateSpace,
     behind_loops,
     certify,
@@ -256,7 +257,7 @@ class Compilation:
     def _computed(self) -> tuple[StateSpace, tuple[str, ...]]:
         whole, system, left = self.whole_space, self.equations, self._at_rest
         if self.scene.joined and whole.switches:
-            return joined(whole, [v.junction for v in self.valves], self._with_off), ()
+            return joined(whole, [v.junction for v in self.valves], lambda off: self._switched_to(False, off)), ()
         if left:
             system = without(system, left)
         elif self.scene.upstream and self.scene.outputs is not None and not self.cancels:
@@ -271,9 +272,9 @@ class Compilation:
         variables = self.equations.variables
         return space, tuple(variables[s.variable].name for s in self.equations.states if s.variable in left)
 
-    def _with_off(self, off: tuple[str, ...]) -> StateSpace:
-        """The equations with these junctions off."""
-        other = replace(self, scene=replace(self.scene, joined=False, off=off))
+    def _switched_to(self, joined: bool, off: tuple[str, ...]) -> StateSpace:
+        """The equations with these junctions off, or of all sets of them."""
+        other = replace(self, scene=replace(self.scene, joined=joined, off=off))
         other.__dict__.update(tree=self.tree, _built=self._built)
         return other.state_space
 
@@ -442,8 +443,11 @@ class Compilation:
 
         self.look_at_laws()
         descriptions = {name: quantity.description for name, quantity in self.whole_graph.quantities.items()}
+        space = self.state_space
+        with suppress(NotJoined):
+            space = self._switched_to(True, ()) if space.switches and target == "c" else space
         with self._instances(), self._bounded():
-            return target_text(target, self.state_space, descriptions)
+            return target_text(target, space, descriptions)
 
     def part_text(self, name: str, target: str) -> str:
         """One instance of the model alone, a controller, as a text for others."""
@@ -452,8 +456,7 @@ class Compilation:
         graph = part_alone(self.whole_graph, name)
         zeros = known_zeros(graph, self.scene.free)
         space = derive(prune(graph, zeros), Request(zeros, self.scene.free)).reduced
-        descriptions = {n: quantity.description for n, quantity in graph.quantities.items()}
-        return target_text(target, space, descriptions)
+        return target_text(target, space, {n: q.description for n, q in graph.quantities.items()})
 
     @cached_property
     def state_equations(self) -> str:

@@ -8,13 +8,14 @@ from .reduce import reduce_equations
 from .singular import LinearLoops, behind_loops, linear_loops, refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, TearingVariable
 from .steep_roots import with_roots_as_unknowns
-from .structures import joined
+from .structures import NotJoined, joined
 
 __all__ = [
     "Certificate",
     "LinearLoop",
     "LinearLoops",
     "LoopSummary",
+    "NotJoined",
     "StateSpace",
     "TearingVariable",
     "behind_loops",
