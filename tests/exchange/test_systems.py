@@ -300,6 +300,11 @@ def test_inputs_of_a_system_are_those_of_its_model(tmp_path: Path, monkeypatch: 
         whole = own.simulate("go", {"target": f"{wanted} rad/s"}, points=3)
         found = read_back(tmp_path, uses.replace("WANTED", f", target = {wanted} [rad/s]" * (wanted == "10"))).simulate()  # fmt: skip
         assert found["error"] == pytest.approx(whole["error"], abs=0.05 * float(wanted))
+    # an experiment of it is a model of its own, with what it sets
+    whole = own.simulate("weak", to="0.2 s", points=3)
+    weak = uses.replace("WANTED", "").replace("import Servo", "import weak").replace("Servo servo", "weak servo")
+    found = read_back(tmp_path, weak).simulate()
+    assert found["error"] == pytest.approx(whole["error"], abs=0.5) and found["error"][0] == 10
 
 
 @pytest.mark.parametrize(

@@ -50,23 +50,40 @@ def _part(archive: ZipFile, file: str) -> ElementTree.Element:
 
 
 def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, Source]]:
-    root = _part(archive, "SystemStructure.ssd")
+    """Return a model for the structure that holds, and one for each other, as those of experiments, with the name of its file."""
+    names = NewNames()
+    text, sources = _model(archive, path, name, "SystemStructure.ssd", names)
+    for file in sorted(
+        n for n in archive.namelist() if n.endswith(".ssd") and "/" not in n and n != "SystemStructure.ssd"
+    ):
+        try:
+            other, own = _model(archive, path, name, file, names)
+        except (NotImportable, KeyError, ValueError, ElementTree.ParseError):
+            continue  # there is no model of that name then
+        if all(sources.get(word, source).text == source.text for word, source in own.items()):
+            text, sources = text + other, sources | own
+    return Source(name, text, path), sources
+
+
+def _model(archive: ZipFile, path: Path, name: str, file: str, models: NewNames) -> tuple[str, dict[str, Source]]:
+    root = _part(archive, file)
     system = root.find(_NAME("Description", "System"))
     if system is None:
         raise ValueError
     for element, what in _REFUSED.items():
         if any(inner is not system for inner in system.iter(_NAME("Description", element))):
             raise NotImportable(f"it has {what}", "Systems of units, connections and sets of parameters are imported.")
-    names, model = NewNames((STEP,)), NewNames().new(root.get("name", "") or path.stem)
+    own_name = root.get("name", "") or path.stem if file == "SystemStructure.ssd" else file.removesuffix(".ssd")
+    names, model = NewNames((STEP,)), models.new(own_name)
     units: dict[str, UnitDescription] = {}
     words, kinds, sources = {"": ""}, dict[str, str](), dict[str, Source]()
     for component in system.iter(_NAME("Description", "Component")):
-        unit, file = component.get("name", ""), path / component.get("source", "")
+        unit, place = component.get("name", ""), path / component.get("source", "")
         if component.get("type", _UNIT_TYPE) != _UNIT_TYPE:
             raise NotImportable(f"its `{unit}` is no unit", "Other kinds of components are not imported.")
-        units[unit], words[unit] = replace(read_unit_description(file), ports=()), names.new(unit)
+        units[unit], words[unit] = replace(read_unit_description(place), ports=()), names.new(unit)
         kinds[unit] = names.new(f"{unit} unit")
-        sources[kinds[unit]] = unit_model(units[unit], f"{name}/{file.name}", file, kinds[unit])
+        sources[kinds[unit]] = unit_model(units[unit], f"{name}/{place.name}", place, kinds[unit])
     values = dict(_values(archive, system))
     connected, lines, outputs = defaultdict[str, dict[str, str]](dict), [], []
     own = {unit: {v.own: v for v in description.variables} for unit, description in units.items()}
@@ -90,7 +107,7 @@ def _read(archive: ZipFile, path: Path, name: str) -> tuple[Source, dict[str, So
     steps = [description.step for description in units.values() if description.step is not None]
     first = f" = {min(steps)!r} s" if steps else ""
     head = [f"model {model} {{", f'  parameter {STEP}: s{first} "time between two exchanges"']
-    return Source(name, "\n".join([*head, *lines, *outputs, "}", ""]), path), sources
+    return "\n".join([*head, *lines, *outputs, "}", ""]), sources
 
 
 def _start(item: UnitVariable, value: float | None) -> str:
