@@ -285,18 +285,29 @@ def test_analyses_are_curves(tmp_path: Path) -> None:
     experiments = """  experiment lines { response push to x over 0.01 Hz .. 10 Hz { points = 31 } }
   experiment along { continue push over 0 N .. 4 N; report x in mm }
   experiment chances { montecarlo k = uniform(6 [N/m], 10 [N/m]) { samples = 64, indices = 0 }; equilibrium; report x in mm }
+  experiment lead { invert push to x = 8 mm*smoothstep9(time, 0 s, 1 s) over 0 .. 2 s { points = 21 }; report x in mm }
+  experiment find { simulate 0 .. 1 s; fit r to "bench.csv"; report x in mm }
+  experiment shapes { modes }
+  experiment both { simulate 0 .. 1 s; modes }
 }
 """
+    (tmp_path / "bench.csv").write_text("time [s],x [mm]\n0.2,2\n0.4,\n0.8,20\n1,30\n", encoding="utf-8")
     path = tmp_path / "lines.bg"
     path.write_text(TEXT.rstrip().removesuffix("}") + experiments, encoding="utf-8")
     session = Session(path)
     session.load()
-    plots = {name: json.loads(session.run(name, {}))["plot"] for name in ("lines", "along", "chances")}
-    axes = {name: (plot["axis"]["name"], plot["axis"]["unit"], plot["axis"]["log"]) for name, plot in plots.items()}
+    plots = {
+        name: json.loads(session.run(name, {}))["plot"]
+        for name in ("lines", "along", "chances", "lead", "find", "shapes")
+    }
+    axes = {name: tuple((plot["axis"] or {}).values()) for name, plot in plots.items()}
     assert axes == {
         "lines": ("frequency", "Hz", True),
         "along": ("push", "N", False),
         "chances": ("share of the points below", "%", False),
+        "lead": (),
+        "find": ("line of the data", "", False),
+        "shapes": ("frequency", "Hz", True),
     }
     assert [o["unit"] for o in plots["lines"]["outputs"]] == ["dB of m/N", "deg"]
     frequency = unpacked(plots["lines"]["time"])
@@ -310,3 +321,13 @@ def test_analyses_are_curves(tmp_path: Path) -> None:
     below = unpacked(plots["chances"]["values"])
     assert (plots["chances"]["outputs"][0]["unit"], len(below)) == ("mm", 201)
     assert below[[0, 100, 200]] == pytest.approx([100, 125, 1e3 / 6], rel=0.03)
+    assert plots["lead"]["outputs"] == [{"name": "push", "unit": "N"}, {"name": "x", "unit": "mm"}]
+    force, way = unpacked(plots["lead"]["values"]).reshape(2, 21)
+    assert (force[-1], way[-1]) == pytest.approx((8 * 8e-3, 8))
+    measured, computed = unpacked(plots["find"]["values"]).reshape(2, 4)
+    assert measured == pytest.approx([2, np.nan, 20, 30], nan_ok=True) and 0 < computed[2] < computed[3] < 60
+    assert [o["name"] for o in plots["find"]["outputs"]] == ["x, measured", "x, computed"]
+    assert unpacked(plots["shapes"]["time"]) == pytest.approx([1 / np.pi] * 3)
+    assert unpacked(plots["shapes"]["values"]) == pytest.approx([0, 0.5 / (2 * np.sqrt(8 * 2)), np.nan], nan_ok=True)
+    both = json.loads(session.run("both", {}))
+    assert both["kind"] == "run" and "0.318" in both["told"]

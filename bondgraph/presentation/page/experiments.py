@@ -22,10 +22,18 @@ PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
 
 
 def one_run(watched: PageModel, name: str) -> bool:
-    """Return True if an experiment is a single run over time."""
+    """Return True if an experiment is a single run over time, whatever is analysed beside it; a fit is many."""
     scene = watched.model.scene(name)
     plan = watched.model.compilation(scene).plan
-    return many_runs(plan, scene) is None and plan.stop is not None
+    fits = any(study.role == "fit" for study in plan.studies)
+    return many_runs(plan, scene) is None and plan.stop is not None and not fits
+
+
+def beside_run(watched: PageModel, name: str, settings: Mapping[str, float] | None = None) -> Html:
+    """Return in words what an experiment analyses beside its run."""
+    if not watched.model.compilation(watched.model.scene(name)).plan.studies:
+        return Html("")
+    return tag("pre", run(watched.model, RunRequest(name, settings or {})).summary())
 
 
 def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
@@ -34,7 +42,7 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
         if one_run(watched, name):
             result = watched.simulate(name, settings, energy=True, error=True)
             balance = _balance(result.energy) if result.energy is not None else ""
-            told = Html(_errors(result, watched.outputs(name)) + balance)
+            told = Html(beside_run(watched, name, settings) + _errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
         outcome = run(watched.model, RunRequest(name, settings or {}))
         told = tag("pre", outcome.summary())

@@ -1,4 +1,4 @@
-"""Outcome of an experiment as curves: over what is swept, a frequency, the parameter of a branch, or the share of random points."""
+"""Outcome of an experiment as curves: over what is swept, a frequency, the parameter of a branch, the share of random points, the lines of measured data."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ from .runs import OUTPUTS
 if TYPE_CHECKING:
     from ...analysed_model import AnalysedModel
     from ...analysis.branch import Branch
+    from ...analysis.modes import Modes
     from ...analysis.outcome import Outcome
     from ...analysis.response import Response
+    from ...studies.fitted import Fit
     from ...studies.tolerances import MonteCarlo
 
 Curve = tuple[str, str, Array]  # name, unit, values
@@ -76,10 +78,15 @@ def _curve(outcome: Outcome | MonteCarlo, name: str, values: Array, unit: str = 
 def _analysed(model: AnalysedModel, outcome: Outcome) -> Plot:
     """Return the first analysis that has curves."""
     from ...analysis.branch import Branch
+    from ...analysis.inversion.feed_forward import FeedForward
+    from ...analysis.modes import Modes
     from ...analysis.response import Response
+    from ...studies.fitted import Fit
     from ...studies.tolerances import MonteCarlo
 
-    for result in (x for p in outcome.points for x in (*p.responses, *(analysis for _, analysis in p.analyses))):
+    for result in (
+        x for p in outcome.points for x in (*p.responses, *(analysis for _, analysis in p.analyses), p.modes)
+    ):
         if isinstance(result, Response):
             return ("frequency", "Hz", True), result.frequencies, list(_response(result))
         if isinstance(result, Branch):
@@ -88,6 +95,13 @@ def _analysed(model: AnalysedModel, outcome: Outcome) -> Plot:
             return (name, unit, False), [scale.from_si(v) for v in result.values], list(_branch(outcome, result))
         if isinstance(result, MonteCarlo):
             return _shares(result)
+        if isinstance(result, FeedForward):
+            columns = {**result.inputs, **result.outputs}
+            return None, result.time, [_curve(outcome, n, v, result.units.get(n, "1")) for n, v in columns.items()]
+        if isinstance(result, Fit):
+            return _fitted(outcome, result)
+        if isinstance(result, Modes):
+            return _stems(result)
     return NOTHING
 
 
@@ -124,3 +138,31 @@ def _shares(found: MonteCarlo) -> Plot:
         if len(values):
             curves.append(_curve(found, name, np.percentile(values, shares), "Hz"))
     return ("share of the points below", "%", False), shares, curves
+
+
+def _fitted(outcome: Outcome, found: Fit) -> Plot:
+    """Return measured and computed values over the lines of the data."""
+    import numpy as np
+
+    lines = np.arange(1 + max(max(one.rows) for one in found.series))
+    curves = []
+    for one, computed in zip(found.series, found.computed, strict=True):
+        for word, values in (("measured", one.measured), ("computed", computed)):
+            column = np.full(len(lines), np.nan)
+            column[list(one.rows)] = values
+            label, unit, shown = _curve(outcome, one.name, column, one.unit)
+            curves.append((f"{label}, {word}", unit, shown))
+    return ("line of the data", "", False), lines + 1.0, curves
+
+
+def _stems(found: Modes) -> Plot:
+    """Return a line from zero up to the damping ratio at each frequency."""
+    import numpy as np
+
+    moving = [mode for mode in found if mode.frequency > 0]
+    values = np.array([x for mode in moving for x in (0.0, mode.damping, np.nan)])
+    return (
+        ("frequency", "Hz", True),
+        np.repeat([mode.frequency for mode in moving], 3),
+        [("damping ratio", "1", values)][: len(moving)],
+    )

@@ -21,7 +21,7 @@ from ....errors import UsageError
 from ....files import FollowedFiles
 from ..certificate import problems_markup
 from ..document import Document, document_of, text_section
-from ..experiments import PROBLEMS, experiment_data, one_run
+from ..experiments import PROBLEMS, beside_run, experiment_data, one_run
 from ..markup import tag
 from ..runs import PageModel, run_data
 from ..shapes import modes_data
@@ -259,7 +259,7 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
         told = run_data(watched, experiment, result)
         if not first and watched.model.compiled > before:
             told["notes"] += _compiled_in(watched.model, experiment, settings)
-        return {"name": experiment, "kind": "run", "run": told, "told": ""}
+        return {"name": experiment, "kind": "run", "run": told, "told": beside_run(watched, experiment, settings)}
     except PROBLEMS as problem:
         return {"name": experiment, "kind": "failed", "told": tag("pre", str(problem))}
 
