@@ -42,14 +42,16 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
                 text = "Set the state of a storage, or a `mode`."
                 yield setting.span, f"`{setting.words}`, which an event sets and states compute", text
     if space.delays:
-        yield space.delays[0].span, "delayed signals", _RUN
+        yield space.delays[0].span, "delayed signals, whose past has no largest size,", _RUN
     multipliers = 0 if lowered.solved is None else len(lowered.solved.multipliers)
     if multipliers < len(space.unknowns) and (lowered.events.present or multipliers):
         names = ", ".join(f"`{space.variables[u.variable].name}`" for u in space.unknowns[:3])
         what = "closed loops of a mechanism" if multipliers else "events"
-        yield graph.span, f"nonlinear algebraic loops ({names}) beside {what}", _RUN
+        why = "where a run searches for another solution,"
+        yield graph.span, f"nonlinear algebraic loops ({names}) beside {what}, {why}", _RUN
     elif space.unknowns and not space.states:
-        yield graph.span, "nonlinear algebraic loops of a model without states", _RUN
+        what = "nonlinear algebraic loops of a model without states, one of whose solutions a run follows,"
+        yield graph.span, what, _RUN
     if space.claims and not space.invariants:
         text = "Give the start of the storage itself."
         yield graph.span, "starts of quantities that are computed from states", text
