@@ -121,14 +121,18 @@ class Commands(click.Group):
         with problems_told():
             try:
                 return super().invoke(ctx)
-            except click.MissingParameter as problem:
+            except click.UsageError as problem:
                 raise click.UsageError(f"{problem.format_message()}{_hint(problem)}", problem.ctx) from problem
 
 
-def _hint(problem: click.MissingParameter) -> str:
-    """Return what may stand in a missing option, as it is completed, and the command's example."""
-    context, parameter = problem.ctx, problem.param
-    if context is None or parameter is None:
+def _hint(problem: click.UsageError) -> str:
+    """Return what may stand in a missing option, as it is completed, and the command's example; where an experiment is named."""
+    context, parameter = problem.ctx, problem.param if isinstance(problem, click.MissingParameter) else None
+    if context is None:
+        return ""
+    if problem.message.startswith("Got unexpected extra") and "experiment" in context.params:
+        return "\nAn experiment is named with `-e`."
+    if parameter is None:
         return ""
     names = [item.value.rstrip("=") for item in parameter.shell_complete(context, "") if item.type == "plain"]
     listed = f"\nIt takes one of {', '.join(names[:12])}{' …' if names[12:] else ''}" if names else ""

@@ -103,6 +103,9 @@ def test_commands_near_a_wrong_one() -> None:
     assert found.exit_code == 2 and "there is no command `rum`: did you mean `run`?" in found.output
     for line, hint in (("simulate", "run"), (f"{MODELS / 'rlc.bg'}", f"run {MODELS / 'rlc.bg'}")):
         assert f"did you mean `{hint}`?" in CliRunner().invoke(commands, [line]).output
+    for line in ("run m.bg push_it", "modes m.bg push_it"):
+        assert "(push_it)\nAn experiment is named with `-e`.\n" in CliRunner().invoke(commands, line.split()).output
+    assert "`-e`" not in CliRunner().invoke(commands, ["manual", "x"]).output
     for near in ("rlc", "rcl.bg", "rlc.bgg"):
         told = CliRunner().invoke(commands, ["check", str(MODELS / near)]).output
         assert f"did you mean `{MODELS / 'rlc.bg'}`?" in told
