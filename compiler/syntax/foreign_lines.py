@@ -65,6 +65,7 @@ _ROWS = (
     (r"^\s*(?:/\*|\*|--|%|;).*|//", "A comment begins with `#`."),
     (r"^\s*simulate\b.*", "It belongs into an experiment: `experiment run {{ simulate 0 .. 1 s }}`."),
     (r"^\s*when\b.*\b(?P<a>offset|delay|jitter|seed)\b.*", "A `when` acts at the instant at which its condition becomes true; `{a}` is a word of `every`."),
+    (r"^\s*solve\s+(?P<a>\w+)\s*:\s*(?P<b>.+)", "The unknown stands behind its equation, with a guess: `solve {b} for {a} = 0`."),
     (r":=", "An equation is written `=`."),
     (r"^\s*\.tran\s+\S+\s+(?P<a>\d+)(?P<b>[munp]?)s?\b.*", "A run is a step of an experiment: `experiment run {{ simulate 0 .. {a} {b}s }}`."),
     (r"^\s*\.(?:ac|op|dc)\b.*", "An analysis is a step of an experiment: `response`, `modes`, `equilibrium`."),

@@ -61,6 +61,7 @@ CASES = [  # the line; words of the advice; the line when it is followed
     ("mode u = 0; every 5 ms { u := 1 }", "written `=`", "mode u = 0; every 5 ms { u = 1 }"), ("mode u = 0; every 5 ms { u = 1 | 2 }", "`or`", ""),
     ("// comment", "`#`", "# comment"), ("% comment", "`#`", "# comment"), ("/* comment */", "`#`", "# comment */"),
     ("parameter c = 3 // comment", "`#`", "parameter c = 3 # comment"), ("equation", "between the braces", ""), ("annotation(x=1);", "between the braces", ""),
+    ("solve z : z^3 + z = time/1 s", "`solve z^3 + z = time/1 s for z = 0`", "solve z^3 + z = time/1 s for z = 0"),
     ("simulate 0 .. 1 s", "experiment", "experiment e { simulate 0 .. 1 s }"), ("experiment e { simulate 5 s }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
     ("experiment e { simulate 0 to 5 s }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"), ("experiment e { run 0 .. 5 s }", "`simulate 0 .. 5 s`", "experiment e { simulate 0 .. 5 s }"),
     ("experiment e { simulate 0 .. 5 s; plot v }", "`report v`", "experiment e { simulate 0 .. 5 s; report v }"),
