@@ -43,7 +43,7 @@ class FreeReach:
     beginning: Any
 
 
-def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
+def free_reach(scene: BatchScene, runs: Runs, first: Segment, length: float) -> FreeReach:
     """Return the reach of the free motions of runs, as `PilotRun._reach` does for one."""
     program, (count, n) = scene.program, runs.state.shape
     at = scene.inputs, runs.constants, first.mode
@@ -55,9 +55,9 @@ def free_reach(scene: BatchScene, runs: Runs, first: Segment) -> FreeReach:
     reach = FreeReach(
         np.zeros(count, dtype=bool), np.zeros((count, n * n)), np.zeros((count, n * n), dtype=complex), np.ones((count, n)), size.copy(),
     )  # fmt: skip
-    for rows, motion in free_responses(jacobians, True):
+    for rows, motion in free_responses(jacobians, True, length):
         state = runs.state[rows]
-        away = motion.rest(rates[rows])
+        away = motion.rest(rates[rows], length)
         whole = np.abs(state + away) + motion(away)
         goes = ~_stiffens(scene, runs.those(rows), motion, first)
         reach.moves[rows] = goes
@@ -80,7 +80,7 @@ def _stiffens(scene: BatchScene, runs: Runs, motion: FreeResponse, first: Segmen
 def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[Any, Any]:
     """Return the largest values of the states in pilot runs, shape (runs, n), and a mask of the runs for which they are certain."""
     first, stretches = course.segments[0], course.segments
-    reach = free_reach(scene, runs, first)
+    reach = free_reach(scene, runs, first, course.whole)
     loop, steps = _records(scene, runs, reach, first)
     sound, taken = np.ones(len(runs), dtype=bool), np.zeros(len(runs), dtype=int)
     stopped = ~sound  # runs that gave up

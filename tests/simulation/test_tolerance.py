@@ -16,6 +16,7 @@ import bondgraph
 from bondgraph.model import Model
 from bondgraph.results.records import ToleranceDoubt
 from bondgraph.results.result import Result
+from bondgraph.simulation.magnitudes.free_response import free_response
 from bondgraph.simulation.magnitudes.nominal_magnitudes import nominal_magnitudes
 from bondgraph.simulation.segments.timeline import segments
 from compiler.source import Source
@@ -381,3 +382,13 @@ def test_rates_that_steps_miss_are_told(solver: str, target: str | None) -> None
     orifice = volume("1", "f = e/(e^2 + 1e-60)^0.375", "sin(3*time)")
     (warning,) = orifice.simulate(to=2, points=3, rtol=1e-3, solver=solver, target=target).warnings
     assert isinstance(warning, ToleranceDoubt) and "missed rates that would move `t.q`" in str(warning)
+
+
+@pytest.mark.parametrize("rate", [1.0, 1e-2, 1e-4, 1e-6, 1e-9, 1e-13])
+def test_what_only_rounding_restores_goes_no_farther_than_a_run_lets_it(rate: float) -> None:
+    """The angle of a wheel had a magnitude of 1e15 rad, and all angles beside it tolerances of 1e5 rad, by an eigenvalue that was rounding."""
+    moving = free_response(np.array([[0.0, 1.0], [0.0, -rate]]), False, 10.0)
+    if moving is not None:  # modes that are told apart
+        assert moving(np.array([0.0, 1.0]))[0] <= 10 * 1e2
+    away = free_response(np.diag([-rate, -1.0]), False, 10.0).rest(np.ones(2), 10.0)
+    assert np.isfinite(away).all() == (rate > 1e-3)

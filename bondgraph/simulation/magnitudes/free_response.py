@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 LARGEST = 200  # most states for which the modes are computed
 # Relative to the largest entry, and to itself: an entry that may be rounding, and its change then
 SMALL, CHANGED = 1e-10, 1e-3
+BEYOND = 1e2  # lengths of a run: what takes longer to get to a rest does not
 WELL_TOLD = 1e6  # largest condition number of the eigenvectors with which the modes are separable
 
 
@@ -63,10 +64,13 @@ class FreeResponse:
         modes = np.abs(self.inverse @ (x / self.scale)[..., None])
         return (self.amplitudes @ modes)[..., 0] * self.scale
 
-    def rest(self, rates: Array) -> Any:
-        """Return the displacement to the point of zero rates according to the Jacobian, shape (…, n); not finite where there is no restoring force."""
-        scaled = (rates / self.scale)[..., None]
-        return -item_by_item(np.linalg.solve, self.matrix, scaled)[..., 0] * self.scale
+    def rest(self, rates: Array, length: float) -> Any:
+        """Return the displacement to the point of zero rates according to the Jacobian, shape (…, n); not finite where there is no restoring force, or
+        only rounding of one: in a run of this length nothing gets there."""
+        scaled = rates / self.scale
+        away = -item_by_item(np.linalg.solve, self.matrix, scaled[..., None])[..., 0]
+        reached = np.linalg.norm(away, axis=-1) <= BEYOND * length * np.linalg.norm(scaled, axis=-1)
+        return np.where(reached[..., None], away, np.nan) * self.scale
 
     def is_slower_than(self, rate: Array | float, jacobians: Array) -> Any:
         """Return True where all modes of other Jacobians, shape (…, k, n, n), are slower; Jacobians that are not finite are ignored."""
@@ -111,16 +115,16 @@ def in_whole_state(reach: FreeResponse, basis: Any | None, size: int) -> FreeRes
     return FreeResponse(amplitudes, inverse, np.ones(size), reach.fastest, reach.matrix)
 
 
-def free_response(jacobian: Array, compiled: bool) -> FreeResponse | None:
+def free_response(jacobian: Array, compiled: bool, length: float) -> FreeResponse | None:
     """Return the free linear motion of a state; None if its modes are too many, or too close to each other to separate their amplitudes.
 
     `compiled`: there is machine code for it.
     """
-    motions = free_responses(jacobian[None], compiled)
+    motions = free_responses(jacobian[None], compiled, length)
     return motions[0][1].of(0) if motions else None
 
 
-def free_responses(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeResponse]]:
+def free_responses(jacobians: Array, compiled: bool, length: float) -> list[tuple[Any, FreeResponse]]:
     """Return the free linear motions of states with Jacobians of shape (k, n, n): indices of those that have one, and their motions, real modes apart."""
     rows = np.flatnonzero(np.isfinite(jacobians).all(axis=(-2, -1)))
     if not 0 < jacobians.shape[-1] <= LARGEST or not len(rows):
@@ -131,7 +135,9 @@ def free_responses(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeResp
     except np.linalg.LinAlgError:
         if len(rows) == 1:
             return []
-        return [((row,), motion) for row in rows for _, motion in free_responses(jacobians[row : row + 1], compiled)]
+        return [
+            ((row,), motion) for row in rows for _, motion in free_responses(jacobians[row : row + 1], compiled, length)
+        ]
     real = ~rates.imag.any(axis=-1)
     motions: list[tuple[Any, FreeResponse]] = []
     for chosen, some in ((real, shapes[real].real), (~real, shapes[~real])):
@@ -143,11 +149,25 @@ def free_responses(jacobians: Array, compiled: bool) -> list[tuple[Any, FreeResp
         for row in np.flatnonzero(~separable):
             separable[row] = np.isfinite(inverse[row]).all() and np.linalg.cond(some[row]) <= WELL_TOLD
         places = np.flatnonzero(chosen)[separable]
+        for row, still in zip(np.flatnonzero(separable), BEYOND * length * np.abs(rates[places]) < 1, strict=True):
+            if (
+                still.sum() > 1
+            ):  # they part in no such run: their sum counts, as their amplitudes are large where they are nearly one
+                some[row][:, still], inverse[row][still] = _of_states(some[row][:, still], inverse[row][still])
         if len(places):
             fastest = np.abs(rates[places]).max(axis=-1)
             motion = FreeResponse(np.abs(some[separable]), inverse[separable], scale[places], fastest, balanced[places])
             motions.append((rows[places], motion))
     return motions
+
+
+def _of_states(shapes: Array, inverse: Array) -> tuple[Any, Any]:
+    """Return the factors of a product of shapes (n, s) and rows (s, n) of which the rows give the values of s states, by elimination with pivots."""
+    left, chosen = shapes.copy(), list[int]()
+    for column in range(left.shape[1]):
+        chosen.append(int(np.abs(left[:, column]).argmax()))
+        left -= np.outer(left[:, column] / left[chosen[-1], column], left[chosen[-1]])
+    return np.linalg.solve(shapes[chosen].T, shapes.T).T, shapes[chosen] @ inverse
 
 
 def _squares(matrices: Array) -> Any:

@@ -107,10 +107,10 @@ class PilotRun:
     def peak(self, stretches: Sequence[Segment], ends: PilotObservation | None) -> Any:
         """Return the largest magnitudes on the way, as far as the pilot run gets."""
         first = stretches[0]
-        if not self.free:
-            self.free += [self._reach(first), self.beginning]
-        reach, self.beginning = self.free
         whole, taken = stretches[-1].stop - first.start, 0
+        if not self.free:
+            self.free += [self._reach(first, whole), self.beginning]
+        reach, self.beginning = self.free
         if not whole > 0:  # a part that is shorter than rounding
             return self.largest
         one_by_one = bool(self.constraints) and self.constraints.compiled is None
@@ -144,7 +144,7 @@ class PilotRun:
             taken = pace.taken
         return self.largest
 
-    def _reach(self, first: Segment) -> FreeResponse | None:
+    def _reach(self, first: Segment, length: float) -> FreeResponse | None:
         """Return the free motion from a state, or None if unknown; set the beginning from the forces at the start."""
         fixed, count = (self.inputs, self.constants, first.mode), int(self.differential.sum())
         if self.differential.all():
@@ -156,11 +156,11 @@ class PilotRun:
             jacobian = self._on_constraints(first, basis)
         else:
             return None
-        reach = None if jacobian is None else free_response(jacobian, self.program.native is not None)
+        reach = None if jacobian is None else free_response(jacobian, self.program.native is not None, length)
         if jacobian is None or reach is None:
             return None
         slope = self.eliminated.rates(first.start, self.state, *fixed)[:count]
-        away = reach.rest(slope if basis is None else basis.T @ slope)
+        away = reach.rest(slope if basis is None else basis.T @ slope, length)
         found = in_whole_state(reach, basis, len(self.state))
         if basis is None and self._stiffens(first, reach):
             return None
