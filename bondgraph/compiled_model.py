@@ -54,6 +54,11 @@ class CompiledModel:
         self._prepared: dict[tuple[Scene, bool, str], CompiledScene] = {}
         self.kept: dict[object, Any] = {}  # answers that need no other run of the compiler, by all that decides them
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy begins with: compiled forms hold machine code, and are made again."""
+        given = {name: vars(self)[name] for name in ("source", "model", "extra_outputs")}
+        return {**given, "_compilations": {}, "_prepared": {}, "kept": {}}
+
     def __repr__(self) -> str:
         return f"<bondgraph model {self.model or ''} of {self.source.name}>"
 
@@ -188,10 +193,18 @@ class CompiledModel:
         outputs: Sequence[str] | None = None,
     ) -> Scene:  # fmt: skip
         """Return a run's scene: an experiment ("": the first, None: none), settings (texts are expressions with units, numbers SI)."""
+        refuse_twice([api.full_name(name) for name in settings or {}])
         overrides = tuple(_override(name, value) for name, value in (settings or {}).items())
         return api.Scene(
             self.model, experiment, overrides, frozenset(free), names_of(outputs), extra_outputs=self.extra_outputs
         )
+
+
+def refuse_twice(names: Sequence[str]) -> None:
+    """Raise `UsageError` for a quantity that is set twice, with spaces in its name."""
+    if len({*names}) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise UsageError("BR623", f"`{twice}` is set twice, with other spaces in its name;", "leave one of both out")
 
 
 def source_of(path_or_text: str | Path) -> Source:

@@ -18,7 +18,7 @@ import numpy as np
 
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded, full_name
 
-from ..compiled_model import MOST_KEPT, CompiledModel
+from ..compiled_model import MOST_KEPT, CompiledModel, refuse_twice
 from ..memo import keep
 
 if TYPE_CHECKING:
@@ -54,7 +54,11 @@ def settle(
         overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
         return model.compiled_scene(replace(scene, overrides=tuple(overrides)), everything, target)
 
-    numbers = {full_name(name): found for name, x in settings.items() if (found := _number(x)) is not None}
+    names = [full_name(name) for name in settings]
+    refuse_twice(names)
+    numbers = {
+        name: found for name, x in zip(names, settings.values(), strict=True) if (found := _number(x)) is not None
+    }
     later = frozenset(numbers)
     while later:
         written = {name: x for name, x in settings.items() if full_name(name) not in later}

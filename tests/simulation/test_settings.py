@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -239,3 +241,17 @@ def test_a_sweep_compares_both_truths(values: Any) -> None:
     assert [p.run.final("x") for p in model.sweep({"stiff": values}).points] == [0, 1]
     with pytest.raises(UsageError, match="it can be false, true"):
         model.sweep({"stiff": [0, 0.5]})
+
+
+@pytest.mark.parametrize("first", [1.0, "1 [N/m]"])
+def test_a_name_that_is_set_twice_is_refused(first: str | float) -> None:
+    """Spaces do not make it another quantity: the last one counted."""
+    model = bondgraph.load(LOSSY)
+    for call in (model.simulate, model.modes):
+        with pytest.raises(UsageError, match="`k` is set twice"):
+            call(settings={"k": first, " k": "3 [N/m]"})
+    with pytest.raises(bondgraph.CompilationFailed, match="it is not a number"):
+        model.simulate(settings={"k": float("nan")})
+    result = model.simulate(to=1, points=3)
+    for copied in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):
+        assert copied.simulate(to=1, points=3).values.tolist() == result.values.tolist()

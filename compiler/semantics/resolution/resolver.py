@@ -197,7 +197,7 @@ class Resolver(ABC):
         except (ArithmeticError, ValueError) as error:
             raise Wrong(NoValue(span, reason_of(error), self._values(bound))) from None
         if not math.isfinite(value):
-            raise Wrong(NoValue(span, "it overflows", self._values(bound)))
+            raise Wrong(NoValue(span, "it overflows" if value == value else "it is not a number", self._values(bound)))
         return value
 
     def _values(self, bound: Bound) -> str:
