@@ -70,7 +70,9 @@ class BatchIntegrator:
             self.states[row, self.position[row] :] = x[row]
         evaluations = dict(zip(EVALUATIONS, self.evaluations.T, strict=True))
         solvers = [" and ".join(f"{METHODS[m].name}, native" for m in methods) for methods in self.methods]
-        return BatchTrajectories(self.states, self.sound, self.steps, evaluations, solvers, self.choice)
+        return BatchTrajectories(
+            self.states, self.sound, self.steps, evaluations, solvers, self.choice, self.tolerances.absolute
+        )
 
     def _at(self, stretch: Segment, x: Array) -> tuple[Any, ...]:
         return stretch.start, x, self.scene.inputs, self.runs.constants, stretch.mode

@@ -111,7 +111,10 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
     for row in np.flatnonzero(sound).tolist():
         at = None if places is None else (places[0], places[1][row], places[2])
         ended = runs.parameters[row], stored[row], trajectories.choice.peak[row], sizes[row]
-        both = partial(_warnings, scene, runs.constants[row], at, values[row]), partial(_checkpoint, scene, *ended)
+        both = (
+            partial(_warnings, scene, runs.constants[row], at, values[row], trajectories.absolute[row]),
+            partial(_checkpoint, scene, *ended),
+        )
         yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], both, time)
 
 
@@ -136,7 +139,9 @@ def _outputs_of(scene: BatchScene, runs: Runs, times: Array, states: Array, mode
         yield scene.program.output(times, x, scene.inputs, constants, mode)
 
 
-def _warnings(scene: BatchScene, constants: Array, places: Places | None, values: Array) -> tuple[LimitLeft, ...]:
+def _warnings(
+    scene: BatchScene, constants: Array, places: Places | None, values: Array, absolute: Array
+) -> tuple[LimitLeft, ...]:
     """Return the warnings of a run on outputs whose terms cancel."""
 
     def output(times: Array, states: Array, mode: Array) -> Any:
@@ -144,8 +149,8 @@ def _warnings(scene: BatchScene, constants: Array, places: Places | None, values
 
     accuracy, begin = EXACT if scene.linear else max(scene.options.rtol, EXACT), scene.options.plan.start
     largest = largest_outputs(values)
-    terms = terms_of_outputs(output, places) + np.zeros(len(largest))
-    return doubts_on_outputs(scene.program.outputs.names, largest, terms, accuracy, begin)
+    terms = terms_of_outputs(scene.program, output, places, absolute, scene.options.rtol)
+    return doubts_on_outputs(scene.program.outputs.names, largest, [terms], accuracy, begin)
 
 
 def _checkpoint(scene: BatchScene, parameters: Array, stored: Array, peaks: Array, magnitude: Array) -> Checkpoint:
@@ -202,5 +207,11 @@ def exact_trajectories(scene: BatchScene, runs: Runs, course: BatchCourse) -> Ba
     states[:, position:] = x[:, None]
     evaluations, solvers = {"exponential": np.full(count, exponentials)}, [SOLVERS["exponential"].name] * count
     return BatchTrajectories(
-        states, sound, np.full(count, steps), evaluations, solvers, scene.state_selection(runs.constants)
+        states,
+        sound,
+        np.full(count, steps),
+        evaluations,
+        solvers,
+        scene.state_selection(runs.constants),
+        np.zeros(x.shape),
     )

@@ -26,6 +26,7 @@ class BatchTrajectories:
     evaluations: Mapping[str, Any]  # by kind, (runs,)
     solvers: Sequence[str]
     choice: Choice  # with the largest values that storages have had
+    absolute: Any  # tolerances of the states (runs, n); 0 where they are exact
 
 
 def goes_on(scene: BatchScene, runs: Runs, x: Array, before: Segment, stretch: Segment) -> Any:

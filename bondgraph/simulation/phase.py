@@ -17,10 +17,11 @@ from .constraints.constraints import Constraints
 from .integration.integration_state import PhaseProblem
 from .integration.segment_integrator import SegmentIntegrator
 from .magnitudes.nominal_magnitudes import least_tolerances
+from .magnitudes.pilot_run import smallest_angles
 from .monitors.extremes import ExtremesMonitor
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
-from .phases.cancellation import largest_outputs, places_of_terms, terms_of_outputs
+from .phases.cancellation import OutputTerms, largest_outputs, places_of_terms, terms_of_outputs
 from .phases.failures import explained, modes_in
 from .phases.notes import phase_doubts, phase_notes
 from .phases.run_program import RunProgram
@@ -280,15 +281,22 @@ class Phase:
     def _solution(self) -> PhaseSolution:
         return PhaseSolution(self.constraints, self.instants, self.trajectory, self.stretches)
 
-    def terms_of_outputs(self) -> Callable[[], Any]:
-        """Return the function that finds the largest term (outputs,) of a state in each output. It keeps no trajectory in memory."""
+    def terms_of_outputs(self) -> Callable[[], OutputTerms]:
+        """Return the function that finds the terms of the outputs. It keeps no trajectory in memory."""
         program, inputs, constants, solution = self.program, self.inputs, self.constants, self._solution()
         places = places_of_terms(self.instants, self.trajectory.states, solution.segments)
+        tolerances, rtol, absolute = self.shared.tolerances, self.options.rtol, np.zeros(len(program.states.names))
+        if tolerances is not None and not self.trajectory.exact:
+            levels = smallest_angles(program, self.compilation.facts.mechanisms, ("1", "1/s", "m", "m/s"))
+            rests = (
+                tolerances.guessed if places is None else tolerances.guessed | (np.abs(places[1]).max(axis=0) <= levels)
+            )
+            absolute = np.where(rests, 0.0, tolerances.absolute)[: len(absolute)]
 
         def output(times: Array, states: Array, mode: Array) -> Any:
             return program.output(times, states, inputs, constants, mode)
 
-        return lambda: terms_of_outputs(output, places) + np.zeros(len(program.outputs.names))  # without instants, too
+        return lambda: terms_of_outputs(program, output, places, absolute, rtol)
 
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to the instant from which other states should be integrated.

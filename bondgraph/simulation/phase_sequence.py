@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compiler.api import SOLVERS, CompilationFailed
+from compiler.api import CompilationFailed
 
 from ..errors import RunFailed
 from ..quantities import behind
@@ -268,7 +268,7 @@ def _warnings(legs: Sequence[Phase], rtol: float, begin: float) -> Callable[[], 
     """Return the function that finds each violated limit once, at its first instant, the first doubt about tolerances, and outputs that are less than the
     tolerance leaves of their terms."""
     limits = [w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)]
-    exact = all(list(leg.trajectory.solvers) == [SOLVERS["exponential"].name] for leg in legs)
+    exact = all(leg.trajectory.exact for leg in legs)
     accuracy, names = EXACT if exact else max(rtol, EXACT), legs[0].program.outputs.names
     terms, sizes = [leg.terms_of_outputs() for leg in legs], [leg.largest for leg in legs]
 
@@ -276,8 +276,9 @@ def _warnings(legs: Sequence[Phase], rtol: float, begin: float) -> Callable[[], 
         first: dict[tuple[str, str, str], LimitLeft] = {}
         for item in limits:
             first.setdefault((item.owner, item.condition, item.place), item)
-        largest, most = np.max(sizes, axis=0), np.max([find() for find in terms], axis=0)
-        return *first.values(), *doubts_on_outputs(names, largest, most, accuracy, begin)
+        return *first.values(), *doubts_on_outputs(
+            names, np.max(sizes, axis=0), [find() for find in terms], accuracy, begin
+        )
 
     return warnings
 

@@ -187,3 +187,29 @@ def test_functions_of_what_is_rounding_and_what_is_stored_of_it_are_those_of_zer
     found = model.simulate(to=4, points=3)
     assert [found.final(f"c{i}") for i in range(len(OF_CANCELLED))] == list(OF_CANCELLED.values())
     assert (found.final("clock"), found.final("rises"), found.final("keeps")) == (40, 0, 0)
+
+
+SMALL = """plain model Small {
+  parameter share = 1e-3
+  signal a = integral(-a, 1), b = integral(1e4*(share*a - b), 0)
+  output whole = a, part = b
+  experiment go { simulate 0 .. 2 { rtol = 1e-4, points = 21, solver = radau } }
+}"""
+
+
+def test_what_stays_below_its_tolerance_is_told_with_one_that_is_enough() -> None:
+    """It is measured by the largest state of its unit, so that it had no digit, without a word: the reactor F1 of the stiff DETEST."""
+    model, told = bondgraph.load(SMALL), {}
+    shares = [1e-2, 1e-4, 1e-6, 3e-8, 1e-9, 1e-11, 1e-13]
+    results = [model.simulate(settings={"share": share}) for share in shares]
+    for share, result in zip(shares, results, strict=True):
+        told[share] = [str(w) for w in result.warnings]
+        exact = share * (np.exp(-result.time) - np.exp(-1e4 * result.time)) / (1 - 1e-4)
+        assert told[share] or np.abs(result["part"] - exact).max() < 0.1 * share
+    assert [len(told[share]) for share in shares] == [0, 0, 0, 1, 1, 1, 1]
+    together = model.simulate_many([{"share": share} for share in shares])
+    assert [[str(w) for w in r.warnings] for r in together] == list(told.values())
+    advice = re.search(r"set `(tolerance b = [^`]*)` in `simulate`", told[1e-11][0])
+    assert advice is not None
+    helped = bondgraph.load(SMALL.replace("solver", f"{advice[1]}, solver")).simulate(settings={"share": 1e-11})
+    assert not helped.warnings and abs(helped.final("part") / (1e-11 * np.exp(-2)) - 1) < 1e-2

@@ -1,27 +1,43 @@
-"""Outputs that are small differences of large numbers: what the tolerance of the states leaves of them."""
+"""Outputs that are small differences of large numbers, or smaller than the absolute tolerances of what they read: what a run leaves of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, Program
 
+from ...quantities import behind
 from ...results.records import ToleranceDoubt
 from ..segments.timeline import Segment
 
 STEP = 1e-7  # relative: by which a state is moved
 MOST_STATES = 64  # of a model whose outputs are looked at
 PLACES = (0.23, 0.61, 0.87)  # in the longest segment
+# What has risen from place to place by more than the square of the time is the beginning of what comes later, as far ahead of a wave.
+RISEN = (PLACES[0] / PLACES[1]) ** 2, (PLACES[1] / PLACES[2]) ** 2
+ROUNDED = 2e-12  # relative to its magnitude: a state is rounding, as that is a ten-thousandth of the largest with its unit at least
 EXACT = 1e-12  # relative to the states: accuracy of the matrix exponential
 DOUBTED = 10.0  # in units of the accuracy
 ZERO = 1e-13  # relative to the terms: smaller outputs are zero to rounding, as by a symmetry
 
 
 Places = tuple[Any, Any, Any]  # instants (k,), states (..., k, n) and a mode at which terms are looked for
+
+
+@dataclass(frozen=True, slots=True)
+class OutputTerms:
+    """Terms of outputs in a phase. `largest`: the largest term of a state or unknown in each output, its slope times its value, (..., outputs); `moved`:
+    what the `absolute` tolerance (n,) of each state moves an output by, (n, outputs)."""
+
+    largest: Any
+    moved: Any
+    absolute: Any
+    program: Program
 
 
 def places_of_terms(instants: Array, states: Array, segments: Sequence[Segment]) -> Places | None:
@@ -36,22 +52,38 @@ def places_of_terms(instants: Array, states: Array, segments: Sequence[Segment])
     return instants[places], states[..., places, :], longest.mode
 
 
-def terms_of_outputs(output: Callable[[Array, Array, Array], Any], places: Places | None) -> Any:
-    """Return the largest term (..., outputs) of a state or unknown in each output, its slope times its value; 0 without places. `output`: of `Places`."""
+def terms_of_outputs(
+    program: Program, output: Callable[[Array, Array, Array], Any], places: Places | None, absolute: Array, rtol: float
+) -> OutputTerms:
+    """Return the terms of outputs; 0 without places. `output`: of `Places`; `absolute`: tolerances (n,) of the states, 0 where they do not count."""
     if places is None:
-        return 0.0
-    times, states, mode = places
-    count = states.shape[-1]
-    moved = states[..., None, :] * _moves(count)
-    flat = moved.reshape(*moved.shape[:-3], -1, count)  # machine code takes one row after another
-    values = output(times.repeat(count + 1), flat, mode).reshape(*moved.shape[:-1], -1)
-    return np.abs(values[..., 1:, :] - values[..., :1, :]).max(axis=(-3, -2)) / STEP
+        count = len(program.outputs.names)
+        return OutputTerms(np.zeros(count), np.zeros((len(absolute), count)), absolute, program)
+    times, values, mode = places
+    size = values.shape[-1]
+    first, middle, last = np.moveaxis(np.abs(values[..., : len(absolute)]), -2, 0)
+    rising = (first <= RISEN[0] * middle) & (middle <= RISEN[1] * last)
+    quiet = rising | (np.maximum(np.maximum(first, middle), last) <= ROUNDED / rtol * absolute)
+    floor = np.pad(STEP / rtol * absolute, (0, size - len(absolute)))
+    steps = np.maximum(STEP * np.abs(values), floor)  # of a state far below its magnitude the slope would be rounding
+    moved = values[..., None, :] + np.copysign(steps, values)[..., None, :] * _moves(size)
+    flat = moved.reshape(*moved.shape[:-3], -1, size)  # machine code takes one row after another
+    found = output(times.repeat(size + 1), flat, mode).reshape(*moved.shape[:-1], -1)
+    changes = np.abs(found[..., 1:, :] - found[..., :1, :])
+    slopes = np.divide(changes, steps[..., None], out=np.zeros(changes.shape), where=steps[..., None] > 0)
+    terms = (slopes * np.abs(values)[..., None]).max(axis=(-3, -2))
+    return OutputTerms(
+        terms,
+        slopes[..., : len(absolute), :].max(axis=-3) * np.where(quiet, 0.0, absolute)[:, None],
+        absolute,
+        program,
+    )
 
 
 @lru_cache
 def _moves(count: int) -> Array:
-    """Return factors (n + 1, n) of states: none moved, then each."""
-    return np.asarray(np.vstack([np.ones(count), np.ones((count, count)) + STEP * np.eye(count)]))
+    """Return which state is moved (n + 1, n): none, then each."""
+    return np.eye(count + 1, count, -1)
 
 
 def largest_outputs(values: Array) -> Any:
@@ -59,17 +91,29 @@ def largest_outputs(values: Array) -> Any:
     return np.abs(np.ascontiguousarray(values.swapaxes(-1, -2))).max(axis=-1, initial=0.0)
 
 
-def doubts_on_outputs(names: Sequence[str], largest: Array, terms: Any, accuracy: float, begin: float) -> tuple[ToleranceDoubt, ...]:  # fmt: skip
-    """Return a warning on each output of whose size (outputs,) the `accuracy` of the terms leaves a tenth or more in doubt."""
-    doubtful = (largest < DOUBTED * accuracy * terms) & (largest > ZERO * terms)
-    if not doubtful.any():
-        return ()
+def doubts_on_outputs(
+    names: Sequence[str], largest: Array, phases: Sequence[OutputTerms], accuracy: float, begin: float
+) -> tuple[ToleranceDoubt, ...]:
+    """Return a warning on each output of whose size (outputs,) the `accuracy` of the terms, or an absolute tolerance, leaves a tenth or more in doubt."""
+    terms = np.max([phase.largest for phase in phases], axis=0)
+    moved = np.max([phase.moved.max(axis=0, initial=0.0) for phase in phases], axis=0)
+    doubtful = largest < DOUBTED * accuracy * terms
     advice = "compute it from other quantities" if accuracy <= EXACT else "set a smaller `rtol`"
-    return tuple(
-        ToleranceDoubt(
-            begin, names[k], "terms that cancel",
-            f"`{names[k]}` is a difference of numbers {terms[k] / largest[k]:.1g} times as large, which are computed to {accuracy:.1g} of their size: "
-            f"a tenth of it or more may be wrong; {advice}", (), "",
-        )
-        for k in doubtful.nonzero()[0].tolist()
-    )  # fmt: skip
+    doubts = []
+    for k in ((doubtful | (largest < DOUBTED * moved)) & (largest > ZERO * terms)).nonzero()[0].tolist():
+        if doubtful[k]:
+            condition, text = "terms that cancel", (
+                f"`{names[k]}` is a difference of numbers {terms[k] / largest[k]:.1g} times as large, which are computed to {accuracy:.1g} of their size: "
+                f"a tenth of it or more may be wrong; {advice}"
+            )  # fmt: skip
+        else:
+            phase = max(phases, key=lambda p: float(p.moved[:, k].max(initial=0.0)))
+            state = int(phase.moved[:, k].argmax())
+            name, unit = phase.program.states.names[state], behind(phase.program.states.units[state])
+            enough = f"{accuracy * phase.absolute[state] * largest[k] / moved[k]:.1g}{unit}"
+            condition, text = "below its tolerance", (
+                f"`{names[k]}` is {largest[k]:.1g} at most, and the absolute tolerance of `{name}` may move it by {moved[k]:.1g}: a tenth of it "
+                f"or more may be wrong; set `tolerance {name} = {enough}` in `simulate`"
+            )  # fmt: skip
+        doubts.append(ToleranceDoubt(begin, names[k], condition, text, (), ""))
+    return tuple(doubts)

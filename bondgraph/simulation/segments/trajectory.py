@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from compiler.api import Array, Program
+from compiler.api import SOLVERS, Array, Program
 
 from .timeline import Segment
 from .transition import PhaseTransition
@@ -87,6 +87,11 @@ class Trajectory:
     # powers and stored energies, before and after each event
     jumps: list[tuple[Any, Any]] = field(default_factory=list)
     kept: Kept | None = None  # after the last accepted step
+
+    @property
+    def exact(self) -> bool:
+        """True if all steps are matrix exponentials."""
+        return list(self.solvers) == [SOLVERS["exponential"].name]
 
     def cut(self, stretches: Sequence[Segment]) -> Kept | None:
         """Keep only the part before the last accepted step and return its checkpoint, or None if no step was accepted.
