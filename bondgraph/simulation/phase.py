@@ -394,7 +394,7 @@ class Phase:
         assembled = self.constraints.assembled if self.begin is None else None  # only of the first phase
         undetermined = self.compilation.facts.undetermined
         self.notes += phase_notes(self._solution(), self.shared.course.notes, self.events, undetermined, assembled)
-        self.doubts += phase_doubts(self._solution(), self.options.rtol)
+        self.doubts += phase_doubts(self._solution(), self.options.rtol, self.events, self.compilation)
         self.instants = self.instants[: len(self.trajectory.states)]
         if self.options.bandwidth is not None:
             from .truncation.report import left_out_of

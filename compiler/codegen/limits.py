@@ -9,7 +9,19 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
-from ..algebra.expression import ONE, ZERO, Apply, Expression, Number, Symbol, call, evaluate, select, substitute
+from ..algebra.expression import (
+    ONE,
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    call,
+    evaluate,
+    operations,
+    select,
+    substitute,
+)
 from ..algebra.formula import Formula
 from ..algebra.interpolate import MARGIN, one_way
 from ..algebra.table import domain, is_table
@@ -18,6 +30,10 @@ from ..errors import CompilationFailed
 from ..fast_dataclass import dataclass
 from .errors import EvenPower, TableTurnsBack
 from .program import LimitNote
+
+COMPARISONS = frozenset({"less", "less_equal", "equal"})
+PARTIAL = frozenset({"divide", "log", "log10", "sqrt"})
+SIDES = "what it compares has a value"
 
 
 class Leaf(NamedTuple):
@@ -90,6 +106,47 @@ def requirement(
         is_fixed(condition),
     )
     return Limit(condition, values, note)
+
+
+def sides(
+    expression: Expression, step: Assignment, name: str, is_fixed: Callable[[Expression], bool]
+) -> Iterator[Limit]:
+    """Limits for what conditions in an expression compare, where they are evaluated: no divisor is zero, no logarithm or root is taken of less."""
+    done: set[Expression] = set()
+    stack: list[tuple[Expression, Expression | None, bool]] = [(expression, None, False)]
+    seen = set(stack)
+    while stack:
+        node, asked, compared = stack.pop()
+        if not isinstance(node, Apply):
+            continue
+        compared = compared or node.operator in COMPARISONS
+        needs = _domain(node) if compared else None
+        if needs is not None and node.operands[-1] not in done:
+            done.add(node.operands[-1])
+            holds = needs if asked is None else call("or", call("not", asked), needs)
+            values = (LimitValue("divisor" if node.operator == "divide" else node.operator, "1", node.operands[-1]),)
+            note = LimitNote("require", "", name, SIDES, step.span, None, _shown(values), is_fixed(holds))
+            yield Limit(select(holds, ONE, ZERO), values, note)
+        first, *rest = node.operands
+        more = [(first, asked, compared)]
+        if node.operator == "select":
+            more += [(rest[0], _both(asked, first), compared), (rest[1], _both(asked, call("not", first)), compared)]
+        elif node.operator in ("and", "or"):
+            more += [(o, _both(asked, first if node.operator == "and" else call("not", first)), compared) for o in rest]
+        else:
+            more += [(o, asked, compared) for o in rest]
+        stack += [item for item in more if item not in seen]
+        seen.update(more)
+
+
+def _domain(node: Apply) -> Expression | None:
+    """Condition under which an operation has a finite value, as far as its operand decides that by itself; None if it always has."""
+    x = node.operands[-1]
+    if node.operator == "divide":  # a factor that is zero is refused, or changes the equations, where it is set
+        return call("not", call("equal", x, ZERO)) if any(o.operator == "add" for o in operations(x)) else None
+    if node.operator in ("log", "log10"):
+        return call("less", ZERO, x)
+    return call("less_equal", ZERO, x) if node.operator == "sqrt" else None
 
 
 def _shown(values: Sequence[LimitValue]) -> tuple[tuple[str, str], ...]:

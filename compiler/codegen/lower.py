@@ -35,7 +35,7 @@ from ..equations.system import Assignment
 from ..reduction import LinearLoop, StateSpace
 from .dependence import MODE, PARAMETER, STATE, TIME
 from .events import behind_the_run, event_notes, event_variables
-from .limits import Leaf, ranges, requirement
+from .limits import Leaf, Limit, ranges, requirement, sides
 from .lowered import Label, Lowered
 from .multipliers import solve_multipliers
 from .order import operations_in_order
@@ -181,6 +181,21 @@ def _lower_events(result: Lowered, switching: Switching) -> None:
         conjugates = [s.conjugate for s in space.states] + [d.conjugate for d in (*space.dependents, *space.momenta)]
         events.conjugates = tuple(ZERO if c is None else values[c] for c in conjugates)
     events.junctions = tuple((s.junction, s.span) for s in space.switches)
+    if switching.partial:
+        result.limits += _sides(result)
+
+
+def _sides(result: Lowered) -> Iterable[Limit]:
+    """Limits for what is compared where outputs, rates and events read it."""
+    space, steps = result.space, {step.target: step for step in result.space.steps if isinstance(step, Assignment)}
+    read = [*space.outputs.values(), *(s.rate for s in space.states), *(s.condition for s in space.switches)]
+    read += [v for e in space.events for v in (e.condition, *(s.value for s in e.settings))]
+    for number in dict.fromkeys(read):
+        if number in steps:
+            name = space.variables[number].name
+            yield from sides(
+                result.values[number], steps[number], name, lambda x: not result.dependence(x) & ~PARAMETER
+            )
 
 
 def _signals(result: Lowered) -> Iterable[Expression]:

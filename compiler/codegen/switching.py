@@ -34,7 +34,7 @@ from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import NoiseOutOfStep
 from .events import Count, Located
 from .indicators import count_parts, factors_of, indicator, parts_of, rounding, window
-from .limits import Leaf
+from .limits import COMPARISONS, PARTIAL, Leaf
 from .lowered import Lowered
 from .program import ConditionNote
 
@@ -68,6 +68,7 @@ class Switching:
         self.located = False  # True if conditions on states become items of the mode
         self.guards: set[Expression] = set()  # conditions that only keep a slope finite: nobody wrote them
         self.authored: set[Expression] = set()  # conditions that a law or an event has itself
+        self.partial = False  # True if a condition that is evaluated where it is used may compare what has no value
         self.counts: dict[Expression, Expression] = {}  # located floors and ceilings -> their items of the mode
 
     def has_nothing_in(self, formula: Formula, arguments: Sequence[Expression]) -> bool:
@@ -104,6 +105,8 @@ class Switching:
         if found is None:
             bits = self.result.dependence(x)
             found = x if not bits & (TIME | STATE | EVENT) or not isinstance(x, Apply) else self._apply(x)
+            if not bits & (TIME | STATE):
+                self._note_partial(x)
             done[x] = found
             done[found] = found
         return found
@@ -271,6 +274,7 @@ class Switching:
         if condition.operator in ("and", "or", "not") or not (alone or locatable):
             if condition not in self.guards:
                 operands = self._unrounded(condition.operator, operands)
+                self._note_partial(condition)
             return _rebuilt(condition.operator, operands)
         events, a, b = self.result.events, *condition.operands
         if not alone and (parts := window(operands[0], operands[1], self._is_fixed)) is not None:
@@ -305,6 +309,12 @@ class Switching:
     def stored(self, x: Expression) -> Expression:
         """A new value of an event, with zero in place of the rounding of terms that cancel: later conditions read what is stored as exact."""
         return _or_zero(x, rounding(x, self._is_fixed))
+
+    def _note_partial(self, condition: Expression) -> None:
+        """See whether an expression with a condition, evaluated where it is used, may have no value."""
+        if not self.partial and not self.pieced:
+            operators = {node.operator for node in operations(condition)}
+            self.partial = bool(operators & COMPARISONS and operators & PARTIAL)
 
     def _within(self, operator: str, u: Expression, r: Expression, sign: Expression, rest: Expression) -> Expression:
         """The condition of a `window`, with `operator` less or less_equal, as two: each crosses zero straight."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from compiler.api import Array, BoolArray, IntArray
 
-from ...errors import RunFailed
+from ...errors import RateNotFinite, RunFailed
 from ..integrators.acceptance.event_passing import MOST_ROUNDS, OFTEN, SHORT
 from ..segments.sampling import due_at, sampling_of
 from .bounds import bounds_of
@@ -67,6 +67,7 @@ class Events(EventIndicators):
         self.crowded = np.zeros(len(self.places), dtype=bool)
         # first instant, s, at which a condition that only events read comes within rounding of its threshold
         self.touches: dict[int, float] = {}
+        self.infinite: dict[int, HybridState] = {}  # first state at which a condition that decides something is so
         self.again = 0  # times in a row that the flow has contradicted a zero crossing
 
     def anew(self, magnitude: Array) -> Events:
@@ -130,7 +131,29 @@ class Events(EventIndicators):
             self._contradict(now, changed[now.mode[places] == at.mode[places]], floor)
         self._record(EventInstant(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
+        self.check_values(now)
         return now
+
+    def check_values(self, at: HybridState) -> None:
+        """Raise `RateNotFinite` if a condition that decides something has no value, and keep the first such state of each that is infinite."""
+        roots = self.evaluated(at)[0]
+        for number in np.flatnonzero(~np.isfinite(roots)).tolist():
+            if number not in self.infinite and self._decides(number, at):
+                if np.isnan(roots[number]):
+                    what = self.listed_conditions([number])
+                    raise RateNotFinite("BR797", f"at t = {at.time:.9g} s {what} has no value").at(
+                        at.time, at.state, at.mode
+                    )
+                self.infinite[number] = HybridState(at.time, at.state.copy(), at.mode.copy())
+
+    def _decides(self, number: int, at: HybridState) -> bool:
+        """Return True if anything reads a condition in this state: one beside it may leave it without effect."""
+        other, fixed = at.mode.copy(), (self.inputs, self.constants)
+        other[self.places[number]] = 1.0 - other[self.places[number]]
+        program, hybrid = self.program, self.hybrid
+        reads = hybrid.triggers, hybrid.actives, hybrid.roots, program.derivative, program.output
+        here, there = ([read(at.time, at.state, *fixed, mode) for read in reads] for mode in (at.mode, other))
+        return not all(np.array_equal(a, b, equal_nan=True) for a, b in zip(here, there, strict=True))
 
     def _hold_slow(self, changed: IntArray) -> None:
         """Keep changed conditions that are in doubt even so, as no look ahead shows them, until they are beyond the tolerance."""

@@ -110,6 +110,8 @@ def first_flip(
             return Flip(found, state_at(np.array([found]), True)[0], changed)
     record.record.spacing, events.floor = np.inf, step.floor
     last = np.abs(step.roots(np.array([stop]), False)[0])
+    if np.isnan(last).any():
+        events.check_values(HybridState(stop, state_at(np.array([stop]), True)[0], mode))
     events.floor = np.where((last > FREE * events.floor) & np.isfinite(last), 0.0, events.floor)
     return None
 

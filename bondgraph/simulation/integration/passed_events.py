@@ -44,7 +44,7 @@ def is_passable(stepper: IntegrationState) -> bool:
         return False
     hybrid = events.hybrid
     looks_on = stepper.powers is not None or stepper.extremes is not None or stepper.history is not None
-    looks_on = looks_on or bool(stepper.choice) or len(program.limits) > 0 or events.bounds is not None
+    looks_on = looks_on or bool(stepper.choice) or program.watched or events.bounds is not None
     ties = bool(program.unknowns.names) or bool(stepper.constraints) or bool(program.jumping.names)
     special = bool(events.counted) or hybrid.switches_signals
     computed = any(s.kind == "computed" for event in hybrid.events for s in event.settings)

@@ -9,12 +9,15 @@ import numpy as np
 
 from ...results.records import ToleranceDoubt
 from ..segments.trajectory import Trajectory
+from .failures import modes_in
 from .solution import PhaseSolution
 
 if TYPE_CHECKING:
+    from ...compiled_scene import CompiledScene
     from ..constraints.constraints import Assembled
     from ..events.events import Events
 
+TOO_LARGE = "too large for a double"  # of a cause: an overflow, whose sign is certain
 ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
 MISSED = 30.0  # tolerances by which rates that a step has missed would move a state, from which a run warns
 
@@ -48,9 +51,22 @@ def misses_rates(trajectory: Trajectory) -> bool:
     return bool(np.max(trajectory.missed) > MISSED)
 
 
-def phase_doubts(solution: PhaseSolution, rtol: float) -> tuple[ToleranceDoubt, ...]:
-    """Return the warnings that steps were accepted with many tolerances of rounding, and those of singular poses."""
+def phase_doubts(
+    solution: PhaseSolution, rtol: float, events: Events | None, compilation: CompiledScene
+) -> tuple[ToleranceDoubt, ...]:
+    """Return the warnings that steps were accepted with many tolerances of rounding, those of conditions that are infinite, and of singular poses."""
     trajectory, doubts = solution.trajectory, list[ToleranceDoubt]()
+    for number, at in ({} if events is None else events.infinite).items():
+        from ..monitors.finite import cause_of
+
+        constraints, what = solution.constraints, events.listed_conditions([number]) if events else ""
+        modes, space = modes_in(constraints, at.mode), compilation.state_space
+        cause = cause_of(constraints.program, space, at.time, at.state, constraints.parameters, modes)
+        if TOO_LARGE not in cause:
+            text = (
+                f"at t = {at.time:.9g} s {what} is infinite, with the sign of a zero, which rounding decides: {cause}"
+            )
+            doubts.append(ToleranceDoubt(at.time, what, "infinite condition", text, (), ""))
     if trajectory.rounded > ROUNDED:
         text = (
             f"rtol = {rtol:g} is below what rounding leaves: steps were accepted with {trajectory.rounded:.2g} tolerances of rounding; "

@@ -148,6 +148,8 @@ def evaluate(k: IndicatorWorkspace) -> int:
     for j in range(k.root_count):
         if k.noise[j] < abs(k.root[j]) and (k.again[j] == 0.0 or abs(k.root[j]) <= CANCELLED * k.again[j]):
             count += 1
+        if k.root[j] != k.root[j]:  # of no value: the caller refuses it
+            count += 1
     return count
 
 

@@ -146,6 +146,9 @@ def crossing(e: EventWorkspace) -> int:
             begin = k.found
     roots_at(s, stop, s.root_seen)
     free_roots(s)
+    for j in range(s.root_count):
+        if s.root_seen[j] != s.root_seen[j]:
+            return LEFT
     return NONE
 
 
