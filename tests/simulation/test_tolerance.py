@@ -380,7 +380,8 @@ def test_a_triangle_through_zero_beside_a_root(
 def test_rates_that_steps_miss_are_told(solver: str, target: str | None) -> None:
     """As steep as a root of the fourth order, but for 1e-30: there is no root that could be an unknown, and the effort stayed at 1e-16."""
     orifice = volume("1", "f = e/(e^2 + 1e-60)^0.375", "sin(3*time)")
-    (warning,) = orifice.simulate(to=2, points=3, rtol=1e-3, solver=solver, target=target).warnings
+    found = orifice.simulate(to=2, points=3, rtol=1e-3, solver=solver, target=target).warnings
+    (warning,) = [w for w in found if w.condition != "below its tolerance"]  # that is told of such an effort, too
     assert isinstance(warning, ToleranceDoubt) and "missed rates that would move `t.q`" in str(warning)
 
 
