@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Unpack, overload
 
 from .compiled_model import CompiledModel, named, names_of
-from .keywords import AnalysisKeywords, ExperimentKeywords, PathKeywords, PointKeywords, checked
+from .keywords import AnalysisKeywords, AnalysisRequest, ExperimentKeywords, PathKeywords, PointKeywords, checked
 from .numerics.threads import on_one_thread
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .analysis.linear import Linearization
     from .analysis.linear_sensitivity import ResponseSensitivity
     from .analysis.modes import Modes
-    from .analysis.operating_point import AnalysisRequest, OperatingPoint
+    from .analysis.operating_point import OperatingPoint
     from .analysis.port_hamiltonian import PortHamiltonian, SymbolicPortHamiltonian
     from .analysis.prices import Prices
     from .analysis.response import Measured, Response
@@ -70,7 +70,6 @@ class AnalysedModel(CompiledModel):
 
         Raises `CompilationFailed`, `UsageError`, or `RunFailed` if there is no such state.
         """
-        from .analysis.operating_point import AnalysisRequest
         from .analysis.placement import operating_point
 
         return operating_point(self, asked or AnalysisRequest())
@@ -86,7 +85,6 @@ class AnalysedModel(CompiledModel):
         `experiment`: "": the first, None: none; its settings and start values are used. Raises as `operating_point`.
         """
         from .analysis.equilibrium import equilibrium
-        from .analysis.operating_point import AnalysisRequest
 
         return equilibrium(self.operating_point(AnalysisRequest(experiment, settings, names_of(outputs), time=time)))
 
@@ -101,7 +99,6 @@ class AnalysedModel(CompiledModel):
         them depends on). `options`: `experiment`, `settings`, `state`, `time` as for `modes`. Raises as `operating_point`.
         """
         from .analysis.linear import linearization
-        from .analysis.operating_point import AnalysisRequest
 
         by = self.inputs if inputs is None else names_of(inputs) or ()
         request = AnalysisRequest(outputs=names_of(outputs), by=by, upstream=outputs is not None, **options)
@@ -119,7 +116,6 @@ class AnalysedModel(CompiledModel):
         which inputs are held (s; None: begin of the experiment). `outputs`: only these, and only modes of the states that they depend on (None: all).
         """
         from .analysis.modes import modes
-        from .analysis.operating_point import AnalysisRequest
 
         request = AnalysisRequest(experiment, settings, names_of(outputs), (), state, time, outputs is not None)
         return modes(self.operating_point(request))
@@ -175,7 +171,6 @@ class AnalysedModel(CompiledModel):
         self, parameters: tuple[str, ...] | None, inputs: tuple[str, ...] | None, outputs: tuple[str, ...] | None, options: AnalysisKeywords
     ) -> tuple[OperatingPoint, tuple[str, ...], tuple[str, ...]]:  # fmt: skip
         """Return the model at equilibrium with the derivatives by inputs and parameters, and the names of both."""
-        from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent
 
         given = self.inputs if inputs is None else inputs
@@ -194,7 +189,6 @@ class AnalysedModel(CompiledModel):
 
         Steps at instants that depend on a parameter are included. Raises as `simulate`, and `UsageError` for events and delays.
         """
-        from .analysis.operating_point import AnalysisRequest
         from .analysis.run_sensitivity import run_sensitivity
 
         asked = AnalysisRequest(experiment, settings, names_of(outputs))
@@ -212,7 +206,6 @@ class AnalysedModel(CompiledModel):
         `settings` as for `modes`. Raises as `operating_point`.
         """
         from .analysis.branch import follow
-        from .analysis.operating_point import AnalysisRequest
         from .analysis.sensitivity import independent
         from .quantities import quantity, refuse_two_readings
 
@@ -253,7 +246,6 @@ class AnalysedModel(CompiledModel):
         `UsageError` where a path is not smooth enough.
         """
         from .analysis.inversion.request import inverted
-        from .analysis.operating_point import AnalysisRequest
 
         return inverted(self, targets, inputs, AnalysisRequest(experiment, dict(settings or {})), to, options)
 
@@ -268,7 +260,6 @@ class AnalysedModel(CompiledModel):
         For a sampled loop (`every`) with its hold, up to half the sampling rate. `options`: `experiment`, `settings`, `state`, `time` as for `modes`.
         """
         from .analysis.linear import linearization
-        from .analysis.operating_point import AnalysisRequest
         from .analysis.response import response
         from .analysis.sampled import is_sampled, sampled_response
 
@@ -290,7 +281,6 @@ class AnalysedModel(CompiledModel):
         Then `seen` is decomposed into harmonics. Raises as `simulate`, and `UsageError` if it never settles.
         """
         from .analysis.excitation import excite
-        from .analysis.operating_point import AnalysisRequest
 
         asked = AnalysisRequest(experiment, dict(settings or {}), (seen,), (given,))
         return excite(self, asked, frequency, amplitude, rtol)

@@ -1,8 +1,9 @@
-"""Keyword options that several calls of a model share, and the check of a call's arguments against its own annotations."""
+"""Keyword options that several calls of a model share, requests of analyses, and the check of a call's arguments against its own annotations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
 from functools import cache, wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypedDict, TypeVar
@@ -101,6 +102,23 @@ class PathKeywords(TypedDict, total=False):
     points: int
     moving: bool
     limits: Mapping[str, str | float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisRequest:
+    """Request for an operating point.
+
+    `state`: "equilibrium", "start", or values of states by name (the rest as at the start). `by`: quantities by which derivatives are taken;
+    `outputs`: None for all. `upstream`: without the states that no named output depends on.
+    """
+
+    experiment: str | None = ""
+    settings: Mapping[str, str | float] | None = None
+    outputs: tuple[str, ...] | None = None
+    by: tuple[str, ...] = ()
+    state: str | Mapping[str, float] = "equilibrium"
+    time: float | None = None  # None: where the experiment begins
+    upstream: bool = False
 
 
 def checked(call: Callable[_Arguments, _Found]) -> Callable[_Arguments, _Found]:

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from .chance import DISTRIBUTIONS, SPREAD, Distribution, fault, kinds_told
     from .codegen.c.write import ARGUMENTS as C_ARGUMENTS
     from .codegen.c.write import c_string, write_library_c
-    from .codegen.c.single_precision import in_single_precision
+    from .codegen.c.write import in_single_precision
     from .codegen.cost import Cost, cost
     from .codegen.zero_divisors import zero_divisors
     from .codegen.limits import Leaf
     from .codegen.numpy.generate import load_module
-    from .codegen.llvm.bind import bind
+    from .codegen.llvm.evaluate import bind
     from .codegen.llvm.generate import LibraryModule, library_module
     from .codegen.errors import NotInUnit
     from .codegen.lower import lower
@@ -92,7 +92,7 @@ if TYPE_CHECKING:
     from .semantics.expressions.functions import FUNCTIONS
     from .semantics.expressions.scales import counts_radians, scale_of
     from .semantics.expressions.tables import USAGE as TABLE_USAGES
-    from .semantics.expressions.unit import read_unit, readings
+    from .semantics.expressions.scales import read_unit, readings
     from .semantics.expressions.vectors import VECTORS
     from .semantics.names.declared_names import (
         DeclaredName,
@@ -108,7 +108,7 @@ if TYPE_CHECKING:
     from .semantics.names.name_uses import NameUse, model_of, name_uses, names_inside
     from .semantics.names.part_kinds import attributes_of, kinds_of
     from .semantics.names.scope import RESERVED, ElementEntry, FileScope, PartEntry
-    from .semantics.names.project_folder import project_folder
+    from .semantics.names.imports import project_folder
     from .semantics.names.unit_file import (
         HELD,
         NewNames,

@@ -24,9 +24,8 @@ from .equations.products import integrands
 from .errors import CompilationFailed, Diagnostic, standing
 from .fast_dataclass import dataclass
 from .garbage_collection import uncollected
-from .graph.network import BondGraph, Element
+from .graph.network import BondGraph, Element, over_arguments
 from .graph.prune import derivative_wishes, known_zeros, preferring, prune
-from .graph.run_time_parameters import over_arguments
 from .graph.switch import decided, off_at_the_start, switch_off
 from .graph.valves import Valve, switched_gaps, with_gaps
 from .part import part_alone

@@ -11,7 +11,7 @@ from .algebra.expression import Number, Symbol
 from .algebra.formula import Bound, bind
 from .causality import CausalGraph
 from .codegen.errors import NoPart, NotInUnit
-from .equations.naming import letter_of, port_name, unit_of
+from .equations.system import letter_of, port_name, unit_of
 from .errors import CompilationFailed
 from .graph.elements import Kind
 from .graph.network import (

@@ -1,8 +1,12 @@
-"""Steps along a branch of equilibria: each is corrected by Newton's method on the plane perpendicular to the tangent."""
+"""Steps along a branch of equilibria: each is corrected by Newton's method on the plane perpendicular to the tangent.
+
+A branch must not follow families of rests: directions along which an equilibrium may lie anywhere.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,13 +15,12 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import RunFailed
-from ..numerics.scales import group_numbers, largest_of_group
+from ..numerics.scales import group_numbers, largest_of_group, nonzero
 from ..simulation.equilibrium.search import equilibrium
 from ..simulation.equilibrium.steady import given_terms
 from ..simulation.magnitudes.nominal_magnitudes import rounding_levels
 from ..simulation.segments.timeline import Segment
 from .eigenvalues import EPS, Eigenvalues
-from .families import families, scaled_system
 from .operating_point import OperatingPoint
 from .sizes import natural, of_parameters, reach
 from .verdict import decisive, resting_rates
@@ -30,10 +33,12 @@ ASIDE = (1e-4, 1e-3, 1e-2, 1e-5)  # relative to the magnitudes: first steps onto
 PROBES = 6  # first steps that are tried, each a quarter of the one before
 CLOSE_BY = SHORTEST * 4.0 ** np.arange(6)  # fractions of the range: steps across a bend
 BENT = 1e-3  # relative to the largest slope of a row: least change of a slope at a kink
-RESTING = 1e-6  # relative to the terms in a rate: where a larger rate is left at rest, these are rounding of zero
+RESTING = 1e-6  # relative to the terms in a rate: a larger one is a motion; where one is left at rest, these are rounding of zero
 NOISE = 1e-14  # relative to the largest term of a row: rounding
 LOST = 1e-13  # relative to the terms of a rate: a state that contributes less is rounding of zero
 TIED = 2.0  # relative to what it follows: a tied coordinate within it is rounding, if that is
+ASTRIDE = (-0.7, 0.3)  # in magnitudes: places at which a family of rests is told from a fold
+SINGULAR = 1e-11  # relative to the largest singular value
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,3 +259,36 @@ class BranchFollower:
             if moved is not None:
                 return moved
         return None
+
+
+def scaled_system(A: Array, b: Array, scale: Array, free: Array) -> Any:
+    """Return the sizes of the rows of [A b], b scaled, the rows over them, and the conserved sums and free coordinates, all with scaled columns."""
+    whole = np.concatenate([A * scale, b], axis=1)
+    rows = nonzero(np.abs(whole).max(axis=1))
+    u, sizes, _ = np.linalg.svd(whole / rows[:, None], full_matrices=True)
+    rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
+    kept = np.concatenate([u[:, rank:].T / rows * scale, free / scale])
+    kept = kept / nonzero(np.linalg.norm(kept, axis=1, keepdims=True))
+    return rows, whole / rows[:, None], np.pad(kept, ((0, 0), (0, 1)))
+
+
+def families(point: OperatingPoint, A: Array, rows: Array, scale: Array, rates: Callable[[OperatingPoint], Any]) -> Any:
+    """Return the directions (k, n) of the states along which a point is one of a family of rests.
+
+    `A`: derivatives of the free coordinates' rates by them; `rows`: the same, scaled, and the conserved sums, which tell the members of other families apart.
+    """
+    chosen = point.reduced.chosen
+    _, sizes, right = np.linalg.svd(rows, full_matrices=True)
+    rank = int((sizes > SINGULAR * sizes.max(initial=0.0)).sum())
+    ways = [point.reduced.directions @ (q * scale[chosen]) for q in right[rank:]]
+    terms = RESTING * (np.abs(A) @ scale[chosen])
+    free = [w for w in ways if all(_rests(point, s * w, terms, rates) for s in ASTRIDE)]
+    return np.array(free).reshape(-1, point.count)
+
+
+def _rests(point: OperatingPoint, change: Array, allowed: Array, rates: Callable[[OperatingPoint], Any]) -> bool:
+    state = np.concatenate([point.state[: point.count] + change, point.state[point.count :]])
+    try:
+        return bool((np.abs(rates(point.elsewhere({}, state))) <= allowed).all())
+    except (RunFailed, np.linalg.LinAlgError):
+        return False

@@ -12,8 +12,8 @@ from compiler.api import Reported
 from ..errors import UsageError
 from ..rendering import OfModel, Summarised
 from ..results.json_values import entries, head, named, with_units
+from .linear import held_note
 from .operating_point import OperatingPoint
-from .pulses import held_note
 from .sampled import is_sampled, sampled_verdict
 from .verdict import Verdict, verdict
 

@@ -6,10 +6,10 @@ import math
 
 from ..compiled_model import CompiledModel
 from ..errors import UsageError
+from ..keywords import AnalysisRequest
 from ..simulation.repetition import simulate
 from ..simulation.run_options import RunOptions, RunRequest
 from .linear import linearization
-from .operating_point import AnalysisRequest
 from .placement import operating_point
 from .response import Measured, first_harmonic, settling_time
 

@@ -1,24 +1,41 @@
-"""The linear model at a point: x' = f + A (x - x0) + B (u - u0), y = y0 + C (x - x0) + D (u - u0), exact."""
+"""The linear model at a point: x' = f + A (x - x0) + B (u - u0), y = y0 + C (x - x0) + D (u - u0), exact.
+
+Where terms cancel, the rounding of an entry is how far it is from a second evaluation, with all values moved in their last places.
+Stairs of time whose instants move with a state or an input have no slope at one instant, while their mean has: a linear model of one instant would
+say that nothing follows.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array
+from compiler.api import Array, Expression, Leaf, Symbol, operations, symbols
 
-from ..errors import MissingPackage
+from ..errors import MissingPackage, UsageError
+from ..numerics.scales import equilibrated
 from ..quantities import listed
 from ..rendering import OfModel, Summarised
 from ..results.json_values import entries, head, named, with_units
 from .operating_point import OperatingPoint
-from .pulses import held_note, refuse_moving_pulses
-from .rounding import without_rounding
+
+if TYPE_CHECKING:
+    from compiler.api import Lowered
+
 
 SCHEMA = "bondgraph-linearization/1"
+EPS = float(np.finfo(float).eps)
+SEED = 20
+EVALUATIONS = 4
+CANCELLED = 2.0  # in units of that rounding: smaller entries are nothing else
+SUSPECT = 1e-9  # of the largest of its row and its column: only smaller entries may be rounding
+LARGEST = 300  # most states of a model that is evaluated again
+TIME = Symbol(Leaf("time", 0))
+STAIRS = ("floor", "ceil")
+COMPARISONS = ("less", "less_equal")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,3 +147,101 @@ def state_matrix(point: OperatingPoint) -> Array:
     """Return A alone."""
     matrix: Array = point.reduced.through(point.rate_slopes(point.reduced.chosen))[0]
     return matrix
+
+
+def rounding_of(point: OperatingPoint, variables: Sequence[int]) -> tuple[Any, Any]:
+    """Return the rounding of the derivatives of variables by the free coordinates (v, r) and by the point's `by` (v, k)."""
+    reduced, n, size, count = point.reduced, point.count, point.all, len(variables)
+    residuals = [u.residual for u in point.compilation.state_space.unknowns]
+    slopes = point.slopes_of((*variables, *residuals))
+    places, shape = (slopes.rows, slopes.columns), (count + len(residuals), size + len(point.by))
+    random, base = np.random.default_rng(SEED), np.zeros(shape)
+    np.add.at(base, places, np.asarray(slopes.tape.values(point.lookup), dtype=float))
+    rates = {s.rate: i for i, s in enumerate(point.compilation.state_space.states)}
+    for row, variable in enumerate(variables):
+        if variable in rates:  # by another order of operations
+            base[row, :size] = point.slopes_here[rates[variable]]
+    base[count:, :size] = point.slopes_here[n:]
+    largest = np.zeros((count, len(reduced.chosen) + len(point.by)))
+    for _ in range(EVALUATIONS):
+        change = -base
+        values = slopes.tape.values(
+            lambda leaf: point.lookup(leaf) * (1 + EPS * random.integers(-2, 3) * (leaf.role != "mode"))
+        )
+        np.add.at(change, places, np.asarray(values, dtype=float))
+        moved = np.concatenate(reduced.through(change[:count]), axis=1)
+        if residuals:
+            loops = np.concatenate(reduced.through(change[count:]), axis=1)
+            moved = moved - base[:count, n:size] @ np.linalg.lstsq(base[count:, n:size], loops, rcond=None)[0]
+        largest = np.fmax(largest, np.abs(moved))
+    return largest[:, : len(reduced.chosen)], largest[:, len(reduced.chosen) :]
+
+
+def without_rounding(
+    point: OperatingPoint, variables: Sequence[int], by_states: Array, moved: Array
+) -> tuple[Any, Any]:
+    """Return derivatives (v, r) and (v, k) with those that are rounding of terms that cancel as zeros."""
+    whole = np.nan_to_num(np.concatenate([by_states, moved], axis=1))
+    scaled = np.abs(equilibrated(whole)[0])
+    if point.count > LARGEST or not ((scaled > 0) & (scaled < SUSPECT)).any():
+        return by_states, moved
+    of_states, of_moved = rounding_of(point, variables)
+    return (
+        np.where(np.abs(by_states) <= CANCELLED * of_states, 0.0, by_states),
+        np.where(np.abs(moved) <= CANCELLED * of_moved, 0.0, moved),
+    )
+
+
+def held_note(point: OperatingPoint, linear: bool = False) -> str:
+    """Return the note on a result that would be another at another instant, as time moves the rates (`linear`: their slopes). Empty if it would not."""
+    lowered = point.lowered
+    moving = {TIME, *(Symbol(Leaf("mode", place)) for place in lowered.events.timed)}
+    rates = [*lowered.rates, *(item.root for item in lowered.events.located)]
+    if not any(s in moving for root in rates for s in symbols(root)):
+        return ""
+    bent = {Symbol(Leaf("state", i)) for i in range(point.all)} | moving
+    if linear and not any(s in bent for slope in lowered.jacobian.values() for s in symbols(slope)):
+        return ""
+    instant = f"t = {point.time:.6g} s"
+    what = f"it would rest here if all that time moves kept its values of {instant}"
+    if linear:
+        what = f"slopes are those of {instant}"
+    return f"time moves the equations: {what}; write means for pulses and oscillations, or simulate"
+
+
+def refuse_moving_pulses(point: OperatingPoint) -> None:
+    """Raise `UsageError` if a state, or one of the quantities by which derivatives are taken, moves the instants of stairs of time."""
+    program, by = point.program, set(point.by)
+    names = (*program.states.names, *program.unknowns.names)
+    roles = (("parameter", program.parameters.names), ("input", program.inputs.names))
+    moving = {(role, i): name for role, all_names in roles for i, name in enumerate(all_names) if name in by}
+    for leaf in (symbol.key for root in _stairs_of_time(point.lowered) for symbol in symbols(root)):
+        name = moving.get((leaf.role, leaf.position))
+        if leaf.role == "state":
+            name = names[leaf.position]
+        if name is not None:
+            raise UsageError(
+                "BR268", f"`{name}` moves the instants at which a `pwm` or another stair of time jumps: its value at one instant has no slope;",
+                "write the mean for a linear model, as `duty` for `pwm(time, period, duty)`, or simulate",
+            )  # fmt: skip
+
+
+def _stairs_of_time(lowered: Lowered) -> Iterator[Expression]:
+    """Yield the stairs of time, and the comparisons with them, of a program."""
+    events = lowered.events
+    places = {
+        Symbol(Leaf("mode", place))
+        for place, root in zip(events.timed, lowered.switches, strict=True)
+        if _has_stairs(root, set())
+    }
+    roots = [*lowered.switches, *(item.root for item in events.located), *(item.value for item in events.counts)]
+    for root in (*lowered.rates, *lowered.outputs.values()):
+        roots += [x for x in operations(root) if x.operator in (*STAIRS, *COMPARISONS)]
+    yield from (root for root in roots if _has_stairs(root, places))
+
+
+def _has_stairs(root: Expression, places: set[Symbol]) -> bool:
+    """Return True if an expression has stairs of time; `places`: items of the mode that are such."""
+    return any(s in places for s in symbols(root)) or any(
+        x.operator in STAIRS and TIME in set(symbols(x)) for x in operations(root)
+    )

@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import Array, IntArray, Leaf, Tape
+from compiler.api import Array, Assignment, IntArray, Leaf, Tape
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
 from ..results.json_values import named
-from .reduced import Reduced, followed_unknowns, tied_coordinates
+from .reduced import Follower, Reduced, followed_unknowns, followers, tied_coordinates
 from .singular_slopes import CLOSEST, SIGNS, Beside, Slopes, departure, jumps, slopes_from_beside  # fmt: skip
 from .sizes import sizes
 from .thresholds import Thresholds, acting, thresholds
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from ..results.records import LimitLeft
     from ..simulation.constraints.constraints import Constraints
     from ..simulation.events.indicators import EventIndicators
-    from .following import Follower
 
 JUMP = 1e-9  # relative to the terms of a rate: a smaller change at a condition is rounding
 Lookup = Callable[[Leaf], float]
@@ -43,23 +41,6 @@ AHEAD = 1.0  # s: length of time that is looked at where no experiment tells one
 def length_of(plan: Plan) -> float:
     """Return the length of time beside which an instant is short: that of the experiment's run, s."""
     return AHEAD if plan.stop is None or plan.stop <= plan.start else plan.stop - plan.start
-
-
-@dataclass(frozen=True, slots=True)
-class AnalysisRequest:
-    """Request for an operating point.
-
-    `state`: "equilibrium", "start", or values of states by name (the rest as at the start). `by`: quantities by which derivatives are taken;
-    `outputs`: None for all. `upstream`: without the states that no named output depends on.
-    """
-
-    experiment: str | None = ""
-    settings: Mapping[str, str | float] | None = None
-    outputs: tuple[str, ...] | None = None
-    by: tuple[str, ...] = ()
-    state: str | Mapping[str, float] = "equilibrium"
-    time: float | None = None  # None: where the experiment begins
-    upstream: bool = False
 
 
 class OperatingPoint:
@@ -190,8 +171,6 @@ class OperatingPoint:
     @cached_property
     def followers(self) -> Mapping[str, Follower]:
         """Storages and integrals that share a state."""
-        from .following import followers
-
         return followers(self.compilation, self.constraints.parameters) if self.made.facts.following else {}
 
     @property
@@ -279,8 +258,6 @@ class OperatingPoint:
         """Return the conditions that change here, else the first equation with a kink in the order of computation."""
         if self.program.hybrid is not None and self._changes:
             return [self.program.hybrid.conditions[k] for k in self._changes]
-        from compiler.api import Assignment
-
         sided = self.one_sided()
         for step in self.compilation.state_space.steps:
             if isinstance(step, Assignment):

@@ -12,10 +12,12 @@ from compiler.api import Array, CompilationFailed
 
 from ..compiled_scene import CompiledScene
 from ..errors import RunFailed, UsageError
+from ..keywords import AnalysisRequest
 from ..numerics.threads import release_for
 from ..simulation.segments.units import refuse_units
 from .movable import differentiable_program, refuse_choice, refuse_structural
-from .operating_point import AnalysisRequest, OperatingPoint, length_of
+from .operating_point import OperatingPoint, length_of
+from .reduced import led
 
 if TYPE_CHECKING:
     from compiler.api import Scene
@@ -232,8 +234,6 @@ def _given(leg: Phase, given: Mapping[str, float], time: float, mode: Array) -> 
 
     Raises `UsageError` where an event acts there that changes what is stored, or the junctions.
     """
-    from .following import led
-
     names = leg.program.states.names
     if any(n in leg.compilation.facts.following for n in given):
         given = led(leg.compilation.compilation, leg.parameters, given)

@@ -25,11 +25,12 @@ from compiler.api import Array, Leaf, Reported, symbols
 from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
 from ..errors import RunFailed, UsageError
+from ..keywords import AnalysisRequest
 from ..numerics.collocation import NODES, affine_steps
 from ..rendering import OfModel, Summarised
 from ..results.json_values import head, named, with_units
 from .movable import differentiable_program, refuse_structural
-from .operating_point import JUMP, AnalysisRequest, OperatingPoint, refused_limit
+from .operating_point import JUMP, OperatingPoint, refused_limit
 from .reduced import by_states, followed_unknowns, tied_step
 from .sensitivity import balanced_step, independent, place_in, unit_directions
 

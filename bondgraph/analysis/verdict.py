@@ -20,9 +20,8 @@ from compiler.api import Array, letters
 from ..errors import RunFailed
 from ..numerics import scales
 from .eigenvalues import EPS, EXTENDED, Eigenvalues, bounded_eigenvalues
-from .linear import state_matrix
+from .linear import CANCELLED, rounding_of, state_matrix
 from .operating_point import OperatingPoint
-from .rounding import CANCELLED, rounding_of
 
 NULL = 1e-9  # relative to the largest singular value of the scaled matrix: possible null vectors
 WALK = 0.03  # relative to the magnitudes: step along a null space to other equilibria

@@ -17,7 +17,6 @@ from ..simulation.integrators.linear_algebra.sparse import FINE, SINGULAR
 from ..simulation.integrators.pilot.schedule import CAREFUL, MOST_STEPS, NOTES
 from ..simulation.magnitudes.free_response import FreeResponse, free_responses, slopes_of
 from ..simulation.magnitudes.nominal_magnitudes import RESTING, nominal_magnitudes, raised
-from ..simulation.magnitudes.pilot_horizon import goes_astray
 from ..simulation.magnitudes.pilot_run import (
     COARSE,
     SMALLEST_STEP,
@@ -25,6 +24,7 @@ from ..simulation.magnitudes.pilot_run import (
     STIFFER,
     PilotObservation,
     before_explosion,
+    goes_astray,
     smallest_angles,
 )
 from ..simulation.segments.timeline import Segment, always, follower, signals_on

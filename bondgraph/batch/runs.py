@@ -1,8 +1,8 @@
-"""Runs of a batch: their parameters, constants and starts; and groups of them with equal segments and signals."""
+"""Runs of a batch: their parameters, constants and starts; and groups of them with equal segments and signals; and their trajectories."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from compiler.api import Array, IntArray, Program
 
+from ..simulation.monitors.state_selection import Choice
 from ..simulation.segments.timeline import GOLDEN, Segment, aligned, timeline
 from .scope import BatchScene
 
@@ -95,3 +96,27 @@ def _has_conditions(program: Program, runs: Runs, course: BatchCourse) -> Any:
             inside = segment.start + GOLDEN * (segment.stop - segment.start)
             same &= (program.switches(inside, runs.constants) == segment.mode).all(axis=1)
     return same
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BatchTrajectories:
+    """Trajectories of runs: states at the reported instants (runs, points, n), and the work of the steps; those of runs that are not `sound` mean nothing."""
+
+    states: Any
+    sound: Any
+    steps: Any  # (runs,)
+    evaluations: Mapping[str, Any]  # by kind, (runs,)
+    solvers: Sequence[str]
+    choice: Choice  # with the largest values that storages have had
+    absolute: Any  # tolerances of the states (runs, n); 0 where they are exact
+
+
+def goes_on(scene: BatchScene, runs: Runs, x: Array, before: Segment, stretch: Segment) -> Any:
+    """Return a mask of the runs in which nothing that forces a storage jumps between two segments; `x`: their states there."""
+    if (before.mode == stretch.mode).all():
+        return np.ones(len(runs), dtype=bool)
+    old, new = (
+        scene.program.forced(stretch.start, x, scene.inputs, runs.constants, mode)
+        for mode in (before.mode, stretch.mode)
+    )
+    return (old == new).all(axis=1)

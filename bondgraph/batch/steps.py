@@ -22,12 +22,10 @@ from ..simulation.integrators.workspace import IntegratorWorkspace
 from ..simulation.monitors.step_size_diagnosis import BEYOND, MANY
 from ..simulation.phases.notes import MISSED, ROUNDED
 from ..simulation.phases.tolerances import given_tolerances
-from ..simulation.segments.context import SegmentContext
 from ..simulation.segments.timeline import Segment, Signals, signals_on
-from ..simulation.segments.trajectory import Tolerances
-from .runs import BatchCourse, Runs
+from ..simulation.segments.trajectory import SegmentContext, Tolerances
+from .runs import BatchCourse, BatchTrajectories, Runs, goes_on
 from .scope import BatchScene
-from .trajectories import BatchTrajectories, goes_on
 
 SEVERAL = 1024  # steps of a run between two chances to interrupt it
 EVALUATIONS = {"derivative": "derivatives", "jacobian": "jacobians", "factorisation": "factorisations"}

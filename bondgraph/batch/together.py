@@ -34,10 +34,9 @@ from ..simulation.run_options import RunRequest
 from ..simulation.segments.timeline import mode_after
 from ..simulation.settings import Settings, SettledPoints, settle_all
 from .pilot import batch_magnitudes
-from .runs import BatchCourse, Runs, grouped
+from .runs import BatchCourse, BatchTrajectories, Runs, goes_on, grouped
 from .scope import BatchScene, batch_scene
 from .steps import BatchIntegrator
-from .trajectories import BatchTrajectories, goes_on
 
 FEWEST = 3  # runs of a group; fewer take longer together than alone
 MOST_NUMBERS = 8_000_000  # in states and outputs of runs that are stepped at once

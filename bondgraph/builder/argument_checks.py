@@ -11,20 +11,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any, SupportsFloat
 
-from compiler.api import (
-    DOMAINS,
-    Literal,
-    PathSyntax,
-    Source,
-    number_text,
-    parse_expression,
-    parse_law,
-    read_unit,
-)  # fmt: skip
+from compiler.api import DOMAINS, Literal, PathSyntax, Source, number_text, parse_expression, parse_law, read_unit
 
 from ..errors import UsageError
-from .names import name_of
-from .parts import NamedQuantity, Part
+from .parts import NamedQuantity, Part, name_of
 
 Value = Any  # a number, an expression of the language as text, a handle, or a sequence of these
 Ports = Mapping[str, str] | Sequence[str]  # the names of ports, with or without their domains

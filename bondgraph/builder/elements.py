@@ -21,8 +21,7 @@ from .argument_checks import (
     ports_of,
     value_of,
 )
-from .names import name_of  # fmt: skip
-from .parts import Part
+from .parts import Part, name_of
 
 CAUSALITIES = ("integral", "derivative", "effort", "flow")
 STORAGES = letters("storage")

@@ -40,8 +40,7 @@ from .argument_checks import (
 )
 from .elements import Elements
 from .mechanism import Multibody
-from .names import model_name_of, name_of
-from .parts import NamedQuantity, Part
+from .parts import NamedQuantity, Part, model_name_of, name_of
 
 
 class SimulationOptions(TypedDict, total=False):

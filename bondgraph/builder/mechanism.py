@@ -11,8 +11,7 @@ from compiler.api import braces, freedoms_of
 from ..errors import UsageError
 from ..keywords import check_keywords
 from .argument_checks import Value, expression_of, is_number, mapping_of, path_of, value_of
-from .names import name_of
-from .parts import Bonding, Part
+from .parts import Bonding, Part, name_of
 
 GROUND = "ground"
 # Units by the last letter of a coordinate with start, limit or rest value.

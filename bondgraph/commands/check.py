@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..compiled_model import certify
 from .error_reporting import WRONG
 from .options import file_or_text, model_option
 
@@ -24,8 +25,6 @@ CHECK_SCHEMA = "bondgraph-check/1"
 @model_option
 def command(files: Sequence[str], as_json: bool, model: str | None) -> None:
     """Tell everything that is wrong with some files; of fine ones, what kind of equations a run solves."""
-    from ..compiled_model import certify
-
     examined = [certify(file_or_text(file), model) for file in files]
     found = [d for diagnostics, _ in examined for d in diagnostics]
     if not gc.isenabled():  # the process ends with this: what was made need not be walked through at its end

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from ..errors import MissingPackage
 from .error_reporting import harmless
 from .manual import free_folder
 from .options import check_target
@@ -78,8 +79,6 @@ def lsp(stdio: bool) -> None:
 
     An editor starts it, as the server of files that end in `.bg`.
     """
-    from ..errors import MissingPackage
-
     try:
         from ..language_server.server import serve
     except ModuleNotFoundError as missing:

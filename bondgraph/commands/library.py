@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -52,8 +53,6 @@ def command(words: Sequence[str], out: str | None, as_json: bool) -> None:
 
 def _near(parts: Sequence[LibraryPart], words: Sequence[str]) -> str:
     """Advice with the names that are written much alike."""
-    from difflib import get_close_matches
-
     names = {p.name.casefold(): p.name for p in parts}
     close = [names[n] for w in words for n in get_close_matches(w.casefold(), names, 3)]
     return f"; there is {', '.join(close)}" if close else "; `bondgraph library` lists all"

@@ -18,6 +18,7 @@ from . import completion
 
 if TYPE_CHECKING:
     from .. import Model
+    from ..studies.point_request import Progress
     from ..studies.workers import Workers
 
 TABLES = (".csv", ".npz", ".nc", ".mat")  # endings of files for tables
@@ -195,7 +196,6 @@ def check_targets(*targets: tuple[str | None, tuple[str, ...], str]) -> None:
 def shared_out(jobs: int | None, journal: str | None) -> Iterator[Workers]:
     """Provide processes for many points (None: one for each core), with a progress bar on the terminal, and a journal to go on from."""
     from ..studies.journal import Journal
-    from ..studies.progress import bar
     from ..studies.workers import Workers, cores
 
     count = cores() if jobs is None else jobs
@@ -241,3 +241,26 @@ def show_progress(text: str) -> None:
     """Write a text over the last one on a terminal; "" clears it."""
     if sys.stderr.isatty():
         click.echo(f"\r\x1b[K{text}", nl=False, err=True)
+
+
+@contextmanager
+def bar(words: str) -> Iterator[Progress | None]:
+    """Yield a function that shows the number of finished points, without a thread, as a process with threads cannot be copied.
+
+    None if the error stream is no terminal.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as shown:
+        task = shown.add_task(words, total=None)
+
+        def told(done: int, total: int) -> None:
+            shown.update(task, completed=done, total=total)
+            shown.refresh()
+
+        yield told

@@ -14,6 +14,7 @@ import click
 
 from compiler.api import SOLVERS
 
+from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
 from . import completion
 from .error_reporting import FAILED, harmless, problems_told
 from .options import (
@@ -103,8 +104,6 @@ def command(
     file: str, experiment: str, model: str | None, settings: Sequence[str], jobs: int | None, journal: str | None, **options: Any
 ) -> None:  # fmt: skip
     """Simulate a model: the first experiment of the file, or the one named with -e."""
-    from ..errors import ManyRuns, RunBroken, RunFailed, RunInterrupted
-
     files, beside = taken(OutputFiles, options), taken(Beside, options)
     error_asked = options["error"]
     options["error"] = error_asked or (files.as_json and options["start"] is None)

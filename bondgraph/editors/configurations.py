@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 
 from ..language_service.vocabulary import classes
-from .textmate import textmate_grammar
+from .rules import textmate_grammar
 
 _NEOVIM = """\
 -- Neovim 0.11 and later: in init.lua. Colours come from the server.

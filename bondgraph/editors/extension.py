@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..version import VERSION
-from .textmate import textmate_grammar
+from .rules import textmate_grammar
 
 SOURCES = Path(__file__).with_name("vscode")
 _COPIED = ("extension.js", "diagram.js", "language-configuration.json")

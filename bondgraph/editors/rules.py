@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 from ..language_service.vocabulary import classes
 
@@ -122,3 +123,24 @@ def quantity_rules() -> tuple[Rule, ...]:
 
 
 END_OF_QUANTITIES = r"(?<![,(])$|;"
+
+
+def textmate_grammar() -> dict[str, Any]:
+    """Grammar as plain data, to be written as JSON."""
+    return {
+        "name": "bondgraph",
+        "scopeName": "source.bondgraph",
+        "fileTypes": ["bg"],
+        "patterns": [_pattern(rule) for rule in rules()],
+        "repository": {"quantities": {"patterns": [_pattern(rule) for rule in quantity_rules()]}},
+    }
+
+
+def _pattern(rule: Rule) -> dict[str, Any]:
+    named = {
+        str(number): {"name": f"{CLASSES[kind][0]}.bondgraph"} for number, (_, kind) in enumerate(rule.parts, 1) if kind
+    }
+    if not rule.begins:
+        return {"match": rule.pattern, "captures": named}
+    inside = [{"include": "#quantities"}]
+    return {"begin": rule.pattern, "beginCaptures": named, "end": END_OF_QUANTITIES, "patterns": inside}

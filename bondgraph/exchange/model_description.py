@@ -8,8 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 from compiler.api import CompilationFailed, Reported, Source, printable, read_unit
 
-from .terminals import UnitIcon, UnitTerminal
-from .variables import FmuVariable, is_structured
+from .variables import FmuVariable, UnitIcon, UnitTerminal, is_structured
 
 _BASES = ("kg", "m", "s", "A", "K", "mol", "cd")
 # Abilities by the version of FMI: of both kinds of a unit, then of each.

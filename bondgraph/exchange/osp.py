@@ -10,7 +10,7 @@ from .model_description import attributes
 if TYPE_CHECKING:
     from compiler.api import Plan
 
-    from .terminals import UnitTerminal
+    from .variables import UnitTerminal
 
 Place = tuple[str, str]  # a unit and one of its variables; the name of the unit is empty for the system itself
 

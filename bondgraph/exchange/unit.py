@@ -1,6 +1,7 @@
 """A model as a functional mock-up unit of FMI 2.0 or 3.0: model exchange and co-simulation in one file, without a compiler or a linker.
 
 The libraries are linked here from object code: that of the runtime, which is the same for all models, and that of the program.
+Models that a unit cannot hold are refused by the line of the text that stands against it.
 """
 
 from __future__ import annotations
@@ -8,12 +9,13 @@ from __future__ import annotations
 import hashlib
 import re
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from compiler import api
+from compiler.api import CompilationFailed, NotInUnit, narrow_conditions
 
 from .. import cache
 from ..compiled_scene import chosen_target
@@ -26,14 +28,12 @@ from .image import FUNCTIONS, ModelImage, image_of
 from .interface import llvm_data, llvm_interface
 from .interface_c import c_unit
 from .model_description import UnitHead, build_description, model_description, terminals_and_icons
-from .obstacles import refuse, refuse_junctions
 from .osp import osp_model_description
 from .start import StartValues, start_values
-from .terminals import UnitIcon, UnitTerminal, terminals_of
-from .variables import FmuVariable, own_names, variables_of
+from .variables import FmuVariable, UnitIcon, UnitTerminal, own_names, terminals_of, variables_of
 
 if TYPE_CHECKING:
-    from compiler.api import Compilation, LibraryModule, Plan, Scene
+    from compiler.api import Compilation, LibraryModule, NotJoined, Plan, Scene, Span
 
     from ..compiled_model import CompiledModel
 
@@ -54,6 +54,7 @@ _MEMORY = frozenset(("calloc", "free", "malloc", "memcmp", "memcpy", "memmove", 
 _GNU = (("libm.so.6", _MATHEMATICS), ("libc.so.6", _MEMORY))
 # The second has what a function calls that needs more than a page of the stack.
 _WINDOWS = (("ucrtbase.dll", _MATHEMATICS | _MEMORY), ("ntdll.dll", frozenset({"__chkstk"})))
+_RUN = "Run the model here, or give other tools the run's numbers (`run --out R.csv`)."
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,3 +252,52 @@ def zipped(files: Mapping[str, bytes]) -> bytes:
             entry.external_attr = READABLE
             archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
     return stream.getvalue()
+
+
+def refuse(compilation: Compilation) -> None:
+    """Raise `CompilationFailed` with all that a unit cannot hold."""
+    if refusals := [NotInUnit(span, what, instead) for span, what, instead in _obstacles(compilation)]:
+        raise CompilationFailed(refusals)
+
+
+def refuse_junctions(reason: NotJoined) -> NoReturn:
+    """Raise `CompilationFailed` for switched junctions that a unit cannot hold."""
+    raise CompilationFailed([NotInUnit(reason.span, reason.words, _RUN)])
+
+
+def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
+    space, graph = compilation.state_space, compilation.whole_graph
+    lowered = compilation.lowered
+    if space.forced:
+        name = space.variables[space.forced[0].variable].name
+        yield space.forced[0].span, f"the rate of `{name}`, which may jump as only a run sees,", _RUN
+    for event in lowered.events.events:
+        if event.span.unit is not None:
+            text = "Join the two in the tool that imports this one."
+            yield event.span, f"`{event.owner}`, a unit itself ({event.span.source.name})", text
+        for setting in event.settings:
+            if setting.kind == "state" and space.invariants:
+                text = "Let it change a `mode`, on which forces depend."
+                yield setting.span, f"`{setting.words}`, which an event sets in a model with constraints", text
+            if setting.kind == "computed":
+                text = "Set the state of a storage, or a `mode`."
+                yield setting.span, f"`{setting.words}`, which an event sets and states compute", text
+    if space.delays:
+        yield space.delays[0].span, "delayed signals, whose past has no largest size,", _RUN
+    multipliers = 0 if lowered.solved is None else len(lowered.solved.multipliers)
+    if multipliers < len(space.unknowns) and (lowered.events.present or multipliers):
+        names = ", ".join(f"`{space.variables[u.variable].name}`" for u in space.unknowns[:3])
+        what = "closed loops of a mechanism" if multipliers else "events"
+        why = "where a run searches for another solution,"
+        yield graph.span, f"nonlinear algebraic loops ({names}) beside {what}, {why}", _RUN
+    elif space.unknowns and not space.states:
+        what = "nonlinear algebraic loops of a model without states, one of whose solutions a run follows,"
+        yield graph.span, what, _RUN
+    if space.claims and not space.invariants:
+        text = "Give the start of the storage itself."
+        yield graph.span, "starts of quantities that are computed from states", text
+    for number, _, _ in narrow_conditions(lowered):
+        text = "Compare without quotients, exponentials and high powers of what moves: multiply by the divisor, take logarithms or roots."
+        yield lowered.events.located[number].note.span, "a condition that may hold for less than a step shows", text
+    if lowered.crossings:
+        yield graph.span, "instants that only a search over time finds", _RUN

@@ -1,17 +1,17 @@
-"""Variables of a functional mock-up unit, in the order of their value references, with what each reads."""
+"""Variables of a functional mock-up unit, in the order of their value references, with what each reads; and terminals: the variables of each open port."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from compiler.api import CHANGING, Apply, Number, Source, read_unit
+from compiler.api import CHANGING, DOMAINS, Apply, Number, Source, read_unit
 
 if TYPE_CHECKING:
-    from compiler.api import Expression, Lowered, ProgramStructure, Variable
+    from compiler.api import Compilation, Expression, Lowered, ProgramStructure, Variable
 
     from .start import StartValues
 
@@ -200,3 +200,37 @@ def is_structured(variables: Sequence[FmuVariable]) -> bool:
         item.name.removeprefix("der(").removesuffix(")") if item.derivative_of else item.name for item in variables
     )
     return all(_STRUCTURED.fullmatch(name) for name in names)
+
+
+@dataclass(frozen=True, slots=True)
+class UnitTerminal:
+    """Open port: its domain, the names of its effort and flow, and True if power that is positive comes in."""
+
+    name: str
+    domain: str
+    effort: str
+    flow: str
+    inward: bool
+
+
+@dataclass(frozen=True, slots=True)
+class UnitIcon:
+    """Picture of a unit, in both formats, and its size."""
+
+    png: bytes
+    svg: bytes
+    width: float
+    height: float
+
+
+def terminals_of(compilation: Compilation, ports: Iterable[str]) -> tuple[UnitTerminal, ...]:
+    """Return the terminals of ports that have sources in their place."""
+    graph = compilation.whole_graph
+    plain = compilation.tree.models[graph.name].plain
+    places = {node.name: number for number, node in enumerate(graph.nodes)}
+    terminals = []
+    for port in ports:
+        bond = next(b for b in graph.bonds if places[port] in (b.tail.node, b.head.node))
+        effort, flow = (f"{port}_{v if plain else DOMAINS[bond.domain].letter(v)}" for v in ("e", "f"))
+        terminals.append(UnitTerminal(port, bond.domain, effort, flow, bond.tail.node == places[port]))
+    return tuple(terminals)

@@ -16,19 +16,15 @@ from pygls.lsp.server import LanguageServer
 from pygls.protocol import LanguageServerProtocol
 from pygls.uris import to_fs_path
 
-from ..language_service.calls import call_usage
 from ..language_service.colours import marked_words
 from ..language_service.completion import completion
 from ..language_service.corrections import corrections
 from ..language_service.diagram import diagram
-from ..language_service.formatting import formatted
 from ..language_service.hints import inline_hints
-from ..language_service.hover import hover
-from ..language_service.lenses import lenses
+from ..language_service.hover import call_usage, hover
 from ..language_service.navigation import definition, references, rename, rename_place, workspace_symbols
-from ..language_service.outline import folds, outline
-from ..language_service.problems import problems
-from ..language_service.workspace import Workspace
+from ..language_service.outline import folds, lenses, outline
+from ..language_service.workspace import Workspace, formatted, problems
 from ..version import VERSION
 from .conversions import TOKEN_MODIFIERS, TOKEN_TYPES, Converter, signature
 

@@ -1,15 +1,17 @@
-"""Texts about the word at a place: what it is, its unit and value, its law, its strokes and why."""
+"""Texts about the word at a place: what it is, its unit and value, its law, its strokes and why; and the usage of a function."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
 from compiler import api
-from compiler.api import tree
+from compiler.api import file_names, tree
 
-from .answers import HoverText
+from .answers import CallUsage, HoverText
+from .completion import place_at
 from .context import WORD
 from .facts import author_unit, domain_line, number, ports, quantity_line, stroke_lines
 from .vocabulary import FUNCTION_TEXTS, JUNCTIONS, KEYWORDS, USAGES, kind_text
@@ -17,6 +19,7 @@ from .workspace import Workspace, place_of
 
 QUANTITIES = frozenset({"parameter", "constant", "input", "output", "signal", "mode", "solve"})
 MOST_PARAMETERS = 16
+_ARGUMENT = re.compile(r"(?:[^,()]|\([^()]*\))+")
 
 
 def hover(workspace: Workspace, path: Path, at: int) -> HoverText | None:
@@ -155,3 +158,32 @@ def _variable(occurrence: api.NameUse, survey: api.FileSurvey) -> str:
         if variable is not None:
             return f"**{occurrence.reading}**, the {words[variable]} in {domain.dimension(variable)}"
     return ""
+
+
+def call_usage(workspace: Workspace, path: Path, at: int) -> CallUsage | None:
+    """Return the call around a character, with the argument that is written there; None outside of calls."""
+    place = place_at(workspace, path, at)
+    words = place.context.statement
+    for opening in reversed(place.context.brackets):
+        name = words[opening - 1].text if opening else ""
+        function = place.names.get(name) or file_names(place.file).get(name)
+        usage = USAGES.get(name, "")
+        if function is not None and isinstance(function.node, tree.FunctionSyntax):
+            usage = f"{name}({', '.join(function.node.parameters)})"
+        if words[opening].text == "(" and usage:
+            inside = usage[len(name) + 1 : -1]
+            arguments = tuple(a.strip() for a in _ARGUMENT.findall(inside))
+            return CallUsage(
+                usage, arguments, _commas(place.context.statement[opening + 1 :]), FUNCTION_TEXTS.get(name, "")
+            )
+    return None
+
+
+def _commas(words: tuple[object, ...]) -> int:
+    """Commas that are in no inner brackets."""
+    depth = count = 0
+    for word in words:
+        sign = getattr(word, "text", "")
+        depth += (sign in ("(", "[")) - (sign in (")", "]"))
+        count += sign == "," and not depth
+    return count

@@ -1,4 +1,4 @@
-"""Structure of a file: what it declares, and what an editor may fold."""
+"""Structure of a file: what it declares, and what an editor may fold; and commands above models and experiments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from compiler.api import DeclaredName, EditedFile, Span, first_text, name_span, parts_of, table_of, tree
 
-from .answers import OutlineNode, TextPlace
+from .answers import Lens, OutlineNode, TextPlace
 from .workspace import Workspace, place_of
 
 _MARK = re.compile(r'"[^"\n]*"|#[^\n]*|[{}\[\]()]')
@@ -84,3 +84,27 @@ def folds(document: EditedFile) -> list[tuple[int, int]]:
             folded.add((start, number - 1))
             start = None
     return sorted((a, b) for a, b in folded if b > a)
+
+
+def lenses(workspace: Workspace, path: Path) -> list[Lens]:
+    """Return the commands of a file, in the order of its text. The diagram is that of its last model."""
+    models = [s for s in workspace.project.document(path).tree.statements if isinstance(s, tree.ModelSyntax)]
+    listed: list[Lens] = []
+    for model in models:
+        is_last = model is models[-1]
+        if is_last:
+            listed.append(Lens(place_of(model.name_span), "Diagram"))
+        for experiment in (s for s in model.statements if isinstance(s, tree.Experiment)):
+            place = place_of(name_span(experiment.span, experiment.name))
+            named = (str(path), "-e", experiment.name, *(() if is_last else ("--model", model.name)))
+            listed += [Lens(place, title, (title.lower(), *named)) for title in _titles(model, experiment)]
+    return [lens for lens in listed if lens.place.path == path.resolve()]
+
+
+def _titles(model: tree.ModelSyntax, experiment: tree.Experiment) -> Iterator[str]:
+    """Yield the commands that make sense: an experiment without a step cannot run, a model without an input has no frequency response."""
+    if any(isinstance(step, tree.Simulate | tree.Analysis) for step in experiment.steps):
+        yield "Run"
+    yield "Modes"
+    if any(isinstance(s, tree.Quantities) and s.role == "input" for s in model.statements):
+        yield "Bode"

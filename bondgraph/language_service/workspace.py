@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from compiler import api
+from compiler.api import CompilationFailed, Diagnostic, Source, format_text
 
 from ..compiled_model import LIBRARY, most_parts
 from ..presentation.text.causality import CausalityExplanation
-from .answers import TextPlace
+from .answers import TextPlace, TextProblem
 from .facts import strokes
 
 MOST_FILES = 2000  # files of a folder that are searched for a name
@@ -108,3 +109,24 @@ def _models_in(folder: Path) -> Iterable[Path]:
 def place_of(span: api.Span) -> TextPlace:
     """The place of a span in its file."""
     return TextPlace(api.path_of(span), span.offset, span.offset + span.end - span.start)
+
+
+def formatted(workspace: Workspace, path: Path) -> str | None:
+    """Return the text as `bondgraph fmt` writes it; None for one that cannot be read."""
+    document = workspace.project.document(path)
+    try:
+        return format_text(Source(str(path), document.text, path))
+    except CompilationFailed:
+        return None
+
+
+def problems(workspace: Workspace, path: Path, complete: bool = True) -> tuple[list[TextProblem], bool]:
+    """Return all errors of a file and of what it imports, and whether these are all: large models are looked at only if `complete`."""
+    survey = workspace.survey(path, complete)
+    return [problem(d) for d in survey.diagnostics], survey.is_complete
+
+
+def problem(diagnostic: Diagnostic) -> TextProblem:
+    """A diagnostic as data."""
+    related = tuple((place_of(span), why) for span, why in (*diagnostic.related(), *diagnostic.stands))
+    return TextProblem(place_of(diagnostic.span), diagnostic.code, diagnostic.sentence, diagnostic.help, related)

@@ -83,7 +83,7 @@ class Model(Shown, AnalysedModel):
         each and so on. `workers` as in `run`, `to`, `points` and the other options as in `simulate`. A failed point is NaN in the table, with its reason in
         `failures`.
         """
-        from ..studies.sweep import sweep
+        from ..studies.experiment import sweep
         from ..studies.workers import ALONE, workers_of
 
         study = _study(of, _request(experiment, settings, options))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from ..analysis.symbolic import SymbolicEquations
-    from ..exchange.terminals import UnitIcon
+    from ..exchange.variables import UnitIcon
     from ..presentation.diagram.figure import Figure
 
 STAGES = ("syntax", "graph", "causality", "equations", "reduction", "state_equations", "code", "text")
@@ -61,7 +61,7 @@ class Shown(AnalysedModel):
 
     def _icon(self, ports: Mapping[str, str]) -> UnitIcon:
         """Return the diagram as an icon, with instances as boxes and sources in the place of open ports."""
-        from ..exchange.terminals import UnitIcon
+        from ..exchange.variables import UnitIcon
         from ..presentation.diagram import draw, write_figure
 
         scene = api.Scene(self.model, None, free=frozenset({"*"}), ports=tuple(ports.items()))

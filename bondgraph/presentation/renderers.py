@@ -21,7 +21,7 @@ RENDERERS = {
     ("MonteCarlo", "summary"): "bondgraph.presentation.text.studies:montecarlo_text",
     ("MonteCarlo", "tornado"): "bondgraph.presentation.plots.studies:plot_tornado",
     ("Outcome", "curves"): "bondgraph.presentation.plots.families:plot_curves",
-    ("Outcome", "plot"): "bondgraph.presentation.plots.sweeps:plot_outcome",
+    ("Outcome", "plot"): "bondgraph.presentation.plots.families:plot_outcome",
     ("Outcome", "summary"): "bondgraph.presentation.text.analyses:outcome_text",
     ("Prices", "summary"): "bondgraph.presentation.text.explanation:prices_text",
     ("Response", "plot"): "bondgraph.presentation.plots.bode:plot_response",

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from compiler.api import Reported
 
 from ..errors import UsageError
@@ -22,8 +24,6 @@ LARGEST = 4_000_000_000  # most bytes of a file that is read
 
 def read_result(path: str | os.PathLike[str]) -> Result:
     """Return a result from a file of `to_npz`. Raises OSError, and `UsageError` if the file is not valid."""
-    import numpy as np
-
     path = Path(path)
     if path.stat().st_size > LARGEST:
         raise UsageError("BR907", f"{path} is larger than a result can be")
@@ -45,8 +45,6 @@ def read_result(path: str | os.PathLike[str]) -> Result:
 
 
 def _result(told: Mapping[str, Any], arrays: Mapping[str, Any]) -> Result:
-    import numpy as np
-
     columns = tuple(Column(name, unit) for name, unit in told["columns"])
     time = np.array(arrays["time"], dtype=float)
     values = np.array([arrays[c.name] for c in columns], dtype=float).reshape(len(columns), len(time)).T

@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from compiler.api import Reported
 
 from ..errors import MissingPackage, UnknownOutput, UsageError
@@ -190,8 +192,6 @@ class Result(OfModel, Exported):
 
         Equal results give equal bytes. Raises OSError.
         """
-        import numpy as np
-
         arrays: dict[str, NDArray[Any]] = dict(self.to_numpy())
         arrays |= {f"unit of {name}": np.array(self.unit(name)) for name in arrays}
         arrays[RUN] = np.array(json.dumps(self._facts()))

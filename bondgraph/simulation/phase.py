@@ -26,12 +26,11 @@ from .phases.failures import explained, modes_in
 from .phases.notes import phase_doubts, phase_notes
 from .phases.run_program import RunProgram
 from .phases.solution import PhaseSolution, phase_energy
-from .phases.start import PhaseInitialization, settled_with_history
+from .phases.start import PhaseInitialization, StartOfPhase, settled_with_history
 from .phases.tolerances import MagnitudeSearch, PhaseMagnitudes, given_tolerances
 from .segments.run_values import run_values
 from .segments.timeline import Timeline, aligned, rest_of, timeline_in_parts
-from .segments.trajectory import Tolerances, Trajectory, empty
-from .segments.transition import PhaseTransition
+from .segments.trajectory import PhaseTransition, Tolerances, Trajectory, empty
 
 if TYPE_CHECKING:
     from compiler.api import Plan, Program, Scene
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from .events.complementarity import Companion
     from .events.events import Events
     from .events.history import History
-    from .phases.start import StartOfPhase
     from .truncation.mode_truncation import Leaving
 
 

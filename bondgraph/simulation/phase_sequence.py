@@ -22,7 +22,7 @@ from .monitors.step_size_diagnosis import BEYOND
 from .phase import Phase, PhaseOptions, SwitchedStart
 from .phases.cancellation import EXACT, doubts_on_outputs
 from .phases.start import no_rest
-from .segments.transition import PhaseTransition
+from .segments.trajectory import PhaseTransition
 
 if TYPE_CHECKING:
     from compiler.api import Array, Program, Scene

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +22,6 @@ from . import run
 from .run_options import LEAST_RTOL, RunOptions, RunRequest
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from ..compiled_model import CompiledModel
     from ..results.result import Result
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UsageError
-from .segments.transition import PhaseTransition
+from .segments.trajectory import PhaseTransition
 
 if TYPE_CHECKING:
     from compiler.api import Array, Scene

@@ -18,7 +18,7 @@ import numpy as np
 
 from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded, full_name
 
-from ..compiled_model import MOST_KEPT, CompiledModel, refuse_twice
+from ..compiled_model import LIBRARY, MOST_KEPT, CompiledModel, most_parts, refuse_twice
 from ..memo import keep
 
 if TYPE_CHECKING:
@@ -203,8 +203,6 @@ def compiled_in(
 def refused_with_values(model: CompiledModel, experiment: str | None, settings: Settings, outputs: tuple[str, ...] | None) -> None:  # fmt: skip
     """Raise `CompilationFailed` if the compiler, which did not know the values, finds an error with them."""
     from compiler.api import Compilation
-
-    from ..compiled_model import LIBRARY, most_parts
 
     _ = Compilation(
         model.source, model.scene(experiment, settings, (), outputs), LIBRARY, most_parts=most_parts()

@@ -11,12 +11,13 @@ import numpy as np
 
 from compiler.api import Array, BoundedParameter, CompilationFailed
 
-from ..analysis.operating_point import AnalysisRequest
 from ..analysis.placement import operating_point
 from ..analysis.run_sensitivity import Partitions, run_sensitivity
 from ..analysis.sensitivity import sensitivity
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
+from ..keywords import AnalysisRequest
+from ..quantities import quantity
 from ..simulation.settings import Settings
 from .measured import OF_MODES, Measurements, Series
 from .point_failure import why
@@ -24,8 +25,6 @@ from .point_failure import why
 
 def sought(text: str, unit: str, name: str) -> BoundedParameter:
     """Return the fit parameter of a text: `log`, `1.5 um .. 2.5 um`, `log 1 N/m .. 100 N/m`, or nothing. Raises `UsageError`."""
-    from ..quantities import quantity
-
     words = re.fullmatch(r"\s*(log\b)?\s*(.*?)\s*", text, re.DOTALL)
     assert words is not None
     logarithmic, bounds = bool(words[1]), words[2]

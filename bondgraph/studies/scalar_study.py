@@ -12,11 +12,11 @@ from compiler.api import ANALYSIS_STEPS, Named
 
 from ..analysis.modes import moving_frequencies
 from ..analysis.movable import refuse_choice
-from ..analysis.operating_point import AnalysisRequest
 from ..analysis.outcome import MODES
 from ..analysis.placement import operating_point
 from ..compiled_model import CompiledModel
 from ..errors import RunFailed, UsageError
+from ..keywords import AnalysisRequest
 from ..quantities import refuse_two_readings
 from ..results.result import Result
 from ..simulation.repetition import simulate

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from .expression import Apply, Expression, Number, Symbol
+from .interpolate import SMOOTH_STEP
 from .operators import OPERATORS, Operator, value_of
 
 Interval = tuple[Any, Any]  # lower and upper ends, each a number or an array (boxes,)
@@ -247,8 +248,6 @@ def _noise(order: Interval, place: Interval, seed: Interval) -> Interval:
 @lru_cache(maxsize=8)
 def _steepest(order: int) -> float:
     """Bound on the derivative of an order of the smooth step between two numbers of a noise."""
-    from .interpolate import SMOOTH_STEP
-
     return float(np.abs(np.polyval(SMOOTH_STEP[order][::-1], np.linspace(0.0, 1.0, 4097))).max()) * 1.01
 
 

@@ -23,8 +23,7 @@ from ..graph.prune import adjustable
 from ..source import Span
 from .collection import EquationCollection
 from .errors import NothingLeft, SignalOfItself
-from .naming import bond_names, port_name, unit_of
-from .system import Argument, Assignment, Delayed, Discrete, EquationSystem, Validity
+from .system import Argument, Assignment, Delayed, Discrete, EquationSystem, Validity, bond_names, port_name, unit_of
 
 _Row = tuple[Iterator[Reference], Callable[[], None]]  # references of a quantity, and the action after them
 

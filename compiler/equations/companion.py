@@ -33,8 +33,8 @@ from ..graph.network import (
     Reading,
 )
 from .laws import GIVEN, solved
-from .naming import port_name
 from .products import integrands
+from .system import port_name
 
 STEP, IMPEDANCE = "step of the companion", "impedance of the valves"
 JUMP, PASSED = "jump of ", "rate of what passes to "  # of what a storage stores: an input and an output

@@ -23,10 +23,22 @@ from .events import event_equations
 from .fields import is_lost_in_rounding, without_energy
 from .integrals import FlowIntegrals
 from .laws import GIVEN, paired, ratio, solved, total_residual
-from .naming import letter_of, port_name, unit_of
 from .sharing import share_states
 from .storage_jumps import storage_jumps
-from .system import Argument, Assignment, Claim, Derivative, EquationSystem, PowerPort, State, Storage, Variable
+from .system import (
+    Argument,
+    Assignment,
+    Claim,
+    Derivative,
+    EquationSystem,
+    PowerPort,
+    State,
+    Storage,
+    Variable,
+    letter_of,
+    port_name,
+    unit_of,
+)
 
 INTEGRATED = {"q": "f", "p": "e"}  # the variable that a storage integrates
 

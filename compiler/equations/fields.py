@@ -34,12 +34,11 @@ from ..errors import Diagnostic
 from ..graph.domains import DOMAINS
 from ..graph.elements import STORAGES, Kind
 from ..graph.inertia import inertia_notes
-from ..graph.network import BondGraph, Element, Law, PortVariable, Quantity, Requirement
+from ..graph.network import BondGraph, Element, Law, PortVariable, Quantity, Requirement, behind
 from ..graph.placement import placement_notes
-from ..graph.run_time_parameters import behind
 from .errors import NotConservative
 from .laws import GIVEN, equations_for, solved
-from .naming import port_name
+from .system import port_name
 from .tangent import (
     Point,
     Relation,

@@ -14,7 +14,7 @@ from ..algebra.formula import Bound, leaf, over
 from ..fast_dataclass import dataclass
 from ..graph.elements import OF_NODE, SOURCES
 from ..graph.network import BondGraph, Element, PortVariable, Quantity, Reading
-from .naming import port_name
+from .system import port_name
 
 GIVEN = {kind: OF_NODE[kind].given for kind in SOURCES}
 

@@ -31,7 +31,7 @@ from ..errors import Diagnostic
 from ..graph.network import BondGraph, Element, PortVariable
 from .errors import EnergyJumps, StoredJumps
 from .laws import GIVEN, solved
-from .naming import port_name
+from .system import port_name
 from .tangent import decisive_values
 
 WHOLE = ("floor", "ceil")

@@ -15,8 +15,7 @@ from ..algebra.derivative import derivative
 from ..algebra.expression import Expression, Number, Symbol, evaluate, substitute, symbols
 from ..errors import ValuesNeeded
 from ..fast_dataclass import dataclass
-from ..graph.network import BondGraph, Element, Law, Named, PortVariable, Quantity, Reference
-from ..graph.run_time_parameters import behind
+from ..graph.network import BondGraph, Element, Law, Named, PortVariable, Quantity, Reference, behind
 from .laws import solved
 
 DECADES = (1.0, 0.1, 1e-2, 1e-3, 1e-6, 1e-9, 10.0, 1e3)

@@ -14,9 +14,8 @@ from ..algebra.expression import ZERO, Expression, Symbol, add, call, divide, mu
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import PLANAR_POSE, POSE, Joint
 from .kinematics import Kinematics
-from .marker import Marker
+from .link_state import Marker
 from .motion import PortMotion
-from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
 from .rotations import (
     HALF,
     NO_TURN,
@@ -27,6 +26,9 @@ from .rotations import (
     conjugate,
     of_quaternion,
     quaternion_product,
+    rates_from_spin,
+    rotation_vector,
+    torque_from_efforts,
 )
 from .vectors import NULL, UNIT, Vector, cross, dot, minus, negated, plus, scaled
 

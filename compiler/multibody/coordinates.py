@@ -12,8 +12,15 @@ from ..algebra.expression import ONE, ZERO, Expression, Symbol, add, call, divid
 from ..fast_dataclass import dataclass
 from ..graph.mechanism import Body, Joint
 from .assignment_emitter import AssignmentEmitter
-from .rotation_vectors import turned_by_rates
-from .rotations import HALF, Quaternion, conjugate, of_quaternion, of_rotation_vector, quaternion_product
+from .rotations import (
+    HALF,
+    Quaternion,
+    conjugate,
+    of_quaternion,
+    of_rotation_vector,
+    quaternion_product,
+    turned_by_rates,
+)
 from .tree import Link
 from .vectors import Vector, negated
 

@@ -1,4 +1,4 @@
-"""State of one link during its computation."""
+"""State of one link during its computation; and markers, of which chords, ports and closing joints are functions."""
 
 from __future__ import annotations
 
@@ -61,3 +61,29 @@ class LinkState:
     def inner(self, script: AssignmentEmitter, v: Vector, name: str) -> Vector:
         """A vector of the link, given in link axes as drawn, in the present pose. It changes only in still axes."""
         return AxialTurn(2, self.angle).apply(script, v, name) if self.branch.still else v
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """A marker: a point that is fixed to a body (or the ground).
+
+    `arm`: vector from the body's point of reference to this point, in the body's computing axes (see `own_axes`
+    of `mechanics.py`); internal.
+    """
+
+    body: str  # "ground" for the world
+    point: Vector  # position in the drawing, m
+    displacement: Vector  # from there, m; to round-off of its own size, however far the point is from the origin
+    turn: Turn  # of the body from the drawing: R turns a vector that is fixed to the body; `turn.swing` is (R - 1) v
+    velocity: Vector  # of the point, m/s
+    spin: Vector  # angular velocity of the body, 1/s
+    arm: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """A body without mass that turns with another one and is shifted from it; `drift`: the rate of the shift. In the axes of the drawing."""
+
+    by: str
+    shift: Vector
+    drift: Vector

@@ -15,7 +15,7 @@ from ..graph.mechanism import Joint
 from .axes import snapped
 from .errors import RodWithoutLength
 from .kinematics import Kinematics
-from .marker import Marker
+from .link_state import Marker
 from .motion import MechanismEquations
 from .recursion import Recursion
 from .rotations import AxialTurn, unit

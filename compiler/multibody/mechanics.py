@@ -1,28 +1,37 @@
-"""A mechanism from the tree to its equations: poses and rates, wrenches, accelerations, and the quantities that are read."""
+"""A mechanism from the tree to its equations: poses and rates, wrenches, accelerations, and the quantities that are read.
+
+Starts may also be those of parts that are computed from the coordinates: chords, bodies that are carried by others, frames.
+The author does not choose the tree, so any part may have a start. Each such start is a claim, and the coordinates
+without a start of their own move as little as necessary to satisfy it.
+
+Kinetic and gravitational energy is for the energy balance. Programs that do not read it do not compute it.
+Momenta of coordinates are what an impulse within a mechanism balances: the momentum of all that a coordinate carries, along its freedom.
+One pass inwards: each link adds the momentum of what it carries, about its point of reference, to that of its parent (R. Featherstone, Rigid Body
+Dynamics Algorithms, 2008, section 2.10). Inertias that help the recursion and belong to no body have no momentum.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import replace
 
-from ..algebra.expression import ZERO, Expression, add, multiply
+from ..algebra.expression import ZERO, Expression, Symbol, add, multiply, negate
 from ..fast_dataclass import dataclass
-from ..graph.mechanism import Joint, Mechanism
+from ..graph.mechanism import Body, Frame, Joint, Mechanism
 from .assignment_emitter import AssignmentEmitter, EquationWriter
 from .chords import Chords
 from .closure import Closure
-from .determined import survey
-from .energy import energy
 from .fictitious_inertia import lent_around
-from .idle_rotations import idle_turns
+from .idle_rotations import idle_turns, survey
 from .kinematics import Kinematics
-from .momentum import write_momenta
+from .link_state import LinkState, Spatial
 from .motion import MechanismEquations, PortMotion
 from .planar_chains import PlanarChain, merged, planar_chains, write_chain
-from .ports import PortWriter
-from .reactions import reaction
+from .ports import PortWriter, reaction
 from .recursion import PLACES, Recursion
-from .starts import claim_starts, claimed_parts
+from .rotations import HALF
 from .tree import Tree, bonded_joints, is_weld, spanning_tree
+from .vectors import applied, cross, dot, is_null, plus
 
 
 def mechanism_equations(
@@ -168,3 +177,99 @@ class Mechanics:
                     wrench = [add(load[r], *(multiply(matrix[r][k], a[k]) for k in PLACES)) for r in PLACES]
                     effort = add(*(multiply(axis[r], wrench[r]) for r in PLACES if axis[r] != ZERO))
                     self.result.efforts[coordinate.name] = self.script.let(f"{coordinate.name} effort", effort)
+
+
+def claimed_parts(mechanism: Mechanism, tree: Tree) -> Mapping[str, Body | Frame | Joint]:
+    """Parts with the starts of what are no coordinates of their own, if there are any."""
+    own = {link.part.name: link.part.starts for link in tree.links}
+    every: tuple[Body | Frame | Joint, ...] = (*mechanism.joints, *mechanism.bodies, *mechanism.frames)
+    parts = {part.name: part for part in every if part.starts != own.get(part.name, {})}
+    left = {n: {k: v for k, v in part.starts.items() if k not in own.get(n, {})} for n, part in parts.items()}
+    return {name: replace(part, starts=left[name]) for name, part in parts.items()}
+
+
+def claim_starts(
+    script: AssignmentEmitter, claimed: Mapping[str, Body | Frame | Joint], result: MechanismEquations
+) -> None:
+    """Add each of their starts as a claim."""
+    for part in claimed.values():
+        for key, bound in part.starts.items():
+            freedom, is_rate = (key[:-2], True) if key.endswith(".f") else (key, False)
+            port = f"{part.name}.{freedom}"
+            if port in result.motions:
+                motion = result.motions[port]
+                value = motion.flow if is_rate else motion.pose
+            else:
+                value = result.readings[port]
+            script.builder.claim(value, script.builder.folded(bound), script.named(port), part.span)
+
+
+def energy(kinematics: Kinematics, recursion: Recursion) -> Expression:
+    """Energy of all bodies, J."""
+    terms = []
+    for index, moving in enumerate(kinematics.moving):
+        if not moving.link.bodies:
+            continue
+        terms.append(_kinetic(kinematics, recursion, moving, index))
+        for body in moving.link.bodies if not is_null(recursion.gravity) else ():
+            centre = kinematics.centres[body.name]
+            mass = kinematics.script.constant(body.mass, f"{body.name} mass", "kg")
+            place = plus(centre, kinematics.moved(index, centre, f"{body.name} centre"))
+            terms.append(negate(multiply(mass, dot(recursion.gravity, place))))
+    return add(*terms)
+
+
+def _kinetic(kinematics: Kinematics, recursion: Recursion, moving: LinkState, index: int) -> Expression:
+    """1/2 m v.v + v.(w x moment) + 1/2 w.J w, with v of the point of reference and w the angular velocity."""
+    inertia, spin = recursion.inertias[index], moving.spin
+    floats = moving.link.step.kind == "float"
+    v = tuple(c.rate for c in moving.coordinates) if floats else kinematics.velocity(index)
+    terms = [multiply(HALF, inertia.mass, dot((v[0], v[1], v[2]), (v[0], v[1], v[2])))]
+    if not is_null(spin):
+        terms.append(multiply(HALF, dot(spin, applied(inertia.tensor, spin))))
+        swept = cross(spin, inertia.moment)
+        if not is_null(swept):
+            terms.append(dot(kinematics.velocity(index), swept))
+    return add(*terms)
+
+
+def write_momenta(kinematics: Kinematics, recursion: Recursion) -> None:
+    """Write the momentum of each coordinate that moves (N s, or N m s for a rotation): what its rate is conjugate to."""
+    script = kinematics.script
+    whole = [_of_bodies(kinematics, recursion, moving) for moving in kinematics.moving]
+    for moving in reversed(kinematics.moving):
+        name = moving.link.name
+        turn, push = (
+            script.vector(f"{name} {word}", v)
+            for word, v in zip(("angular momentum", "momentum"), whole[moving.index], strict=True)
+        )
+        for coordinate, rate, momentum in _along(kinematics, moving, (turn, push)):
+            if isinstance(rate, Symbol):
+                script.builder.momentum(script.computed(f"{coordinate} momentum", momentum), rate.key)
+        if moving.parent is not None:
+            turn, push = (moving.out(script, v, f"{name} momentum out") for v in (turn, push))
+            around, onto = whole[moving.parent]
+            whole[moving.parent] = plus(around, turn, cross(moving.shift, push)), plus(onto, push)
+
+
+def _of_bodies(kinematics: Kinematics, recursion: Recursion, moving: LinkState) -> Spatial:
+    """Momentum of a link's bodies about its point of reference, in link axes."""
+    matrix = recursion.own_matrix(moving)
+    rates = (*moving.spin, *(kinematics.velocity(moving.index) if moving.link.bodies else (ZERO, ZERO, ZERO)))
+    h = [add(*(multiply(matrix[r][k], rates[k]) for k in PLACES)) for r in PLACES]
+    return (h[0], h[1], h[2]), (h[3], h[4], h[5])
+
+
+def _along(kinematics: Kinematics, moving: LinkState, whole: Spatial) -> Iterator[tuple[str, Expression, Expression]]:
+    """Yield the name, the rate and the momentum of each coordinate of a link."""
+    turn, push = whole
+    own = zip(moving.coordinates, moving.columns, strict=False)
+    momenta = [dot(column[0], turn) + dot(column[1], push) for _, column in own]
+    if moving.link.step.kind == "float":  # its coordinates are in world axes
+        momenta = [*kinematics.world(moving.index, push, f"{moving.link.name} momentum in world axes")]
+    for coordinate, momentum in zip(moving.coordinates, momenta, strict=True):
+        if coordinate.target is not None:
+            yield coordinate.name, coordinate.rate, momentum
+    if moving.attitude is not None and moving.attitude.targets:
+        for letter, rate, momentum in zip("xyz", moving.attitude.spin, turn, strict=True):
+            yield f"{moving.link.part.name}.spin.{letter}", rate, momentum

@@ -23,7 +23,7 @@ from .assignment_emitter import AssignmentEmitter
 from .axes import snapped
 from .chords import Chords
 from .kinematics import Kinematics
-from .marker import Carried, Marker
+from .link_state import Carried, Marker
 from .motion import PortMotion
 from .rotations import AxialTurn, unit
 from .tree import CLOSING, ends_of, is_chord

@@ -1,21 +1,34 @@
 """Ports of bodies, frames and tree joints: wrenches act on them, poses and rates are read from them.
 
 A body's port is at its centre of mass, a frame's at its point: force and torque in world axes, or in those of a frame's body.
+
+Reactions of tree joints: the total wrench through a joint on its second body, at the joint's point, in world axes.
+It includes both the constraint wrench and the efforts on the joint's port. Only reactions that are read are written.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..algebra.expression import ZERO, Expression, Symbol, negate
-from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Body, Frame
+from ..algebra.expression import ZERO, Expression, Symbol, add, negate
+from ..graph.mechanism import GROUND, PLANAR_POSE, POSE, Body, Frame, Joint
 from .kinematics import Kinematics
-from .link_state import LinkState
-from .marker import Marker
+from .link_state import LinkState, Marker
 from .motion import MechanismEquations, PortMotion
-from .rotation_vectors import rates_from_spin, rotation_vector, torque_from_efforts
-from .rotations import NO_TURN, AxialTurn, Turn, composed, of_rotation_vector
-from .vectors import UNIT, Vector, scaled
+from .recursion import PLACES, Recursion
+from .rotations import (
+    NO_TURN,
+    AxialTurn,
+    Turn,
+    composed,
+    of_rotation_vector,
+    rates_from_spin,
+    rotation_vector,
+    torque_from_efforts,
+)
+from .vectors import UNIT, Vector, cross, minus, negated, plus, scaled
+
+UNITS = ("N*m", "N*m", "N*m", "N", "N", "N")  # of a wrench
 
 
 class PortWriter:
@@ -130,3 +143,28 @@ class PortWriter:
 
 def _same(x: Expression) -> Expression:
     return x
+
+
+def reaction(kinematics: Kinematics, recursion: Recursion, index: int, joint: Joint) -> dict[str, Expression]:
+    """`pin.reaction.x` and so on, for the joint whose last link is `index`."""
+    script, name = kinematics.script, f"{joint.name}.reaction"
+    moving = kinematics.moving[index]
+    angular, linear = recursion.acceleration(index)
+    a = (*angular, *linear)
+    matrix, load = recursion.matrices[index], recursion.loads[index]
+    wrench = [
+        script.let(f"{name}.own{r}", add(load[r], *(matrix[r][k] * a[k] for k in PLACES)), UNITS[r]) for r in PLACES
+    ]
+    force = kinematics.world(index, (wrench[3], wrench[4], wrench[5]), f"{name}.f")
+    about_reference = kinematics.world(index, (wrench[0], wrench[1], wrench[2]), f"{name}.t")
+    # The point is where the second body has it: that of a slide may be far from where the first body does.
+    point = script.place(joint.position, f"{joint.name} at")
+    second = kinematics.on[joint.second]
+    there = kinematics.moved(None if second == GROUND else kinematics.tree.place[second], point, f"{name}.point")
+    arm = plus(minus(point, moving.origin), minus(there, kinematics.displacement(index)))
+    torque = minus(about_reference, cross(script.vector(f"{name}.arm", arm, "m"), force))
+    if moving.link.reverse:
+        force, torque = negated(force), negated(torque)
+    parts = dict(zip((*POSE, "phi"), (*force, *torque, torque[2]), strict=True))
+    letters = PLANAR_POSE if joint.planar else POSE
+    return {f"{name}.{c}": parts[c] for c in letters}

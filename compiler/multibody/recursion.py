@@ -19,8 +19,7 @@ from .coordinates import is_turning
 from .errors import NothingMoves
 from .inertia import LinkInertia, Square, link_inertia
 from .kinematics import Kinematics
-from .link_state import LinkState
-from .marker import Marker
+from .link_state import LinkState, Marker
 from .vectors import NULL, Matrix, Vector, cross, difference, is_null, matrix_of, negated, plus, summed
 
 Row = list[Expression]  # of six
@@ -77,7 +76,7 @@ class Recursion:
         return inertia.matrix(moving.branch.active)
 
     def lend(self, inertias: Mapping[tuple[int, int], float]) -> None:
-        """Give coordinates (links, and their numbers) a fictitious inertia, which an unknown cancels: see `massless.py`."""
+        """Give coordinates (links, and their numbers) a fictitious inertia, which an unknown cancels: see `fictitious_inertia.py`."""
         for (index, number), inertia in sorted(inertias.items()):
             told = self._nothing(self.moving[index], number)
             unit = "N" if told.what == "mass" else "N*m"

@@ -3,9 +3,8 @@
 from ..certificate import Certificate, LoopSummary
 from .cancel import without_what_cancels
 from .certificate import certify
-from .idle import refuse_idle_coordinates
 from .reduce import reduce_equations
-from .singular import LinearLoops, behind_loops, linear_loops, refuse_singular_loops
+from .singular import LinearLoops, behind_loops, linear_loops, refuse_idle_coordinates, refuse_singular_loops
 from .state_space import LinearLoop, StateSpace, TearingVariable
 from .steep_roots import with_roots_as_unknowns
 from .structures import NotJoined, joined

@@ -3,6 +3,10 @@
 Values fixed by the scene are used as they are; values that a run may change are sampled at random several times: only a loop that is
 singular for all samples is refused. Each number has a bound of its rounding errors (a running error analysis, Wilkinson 1986), to
 distinguish cancellation from small values.
+
+Refused are also coordinates that move no inertia, not even through closing joints, found numerically at the start of a mechanism. The matrix of
+multipliers and balances is eliminated, multipliers first. The remaining pivot of a coordinate with a fictitious inertia is minus the share that the
+mechanism's own inertias have in its motion; if that is only rounding, nothing moves.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from ..equations.system import Assignment, EquationSystem
 from ..errors import CompilationFailed
 from ..fast_dataclass import dataclass
 from .errors import SingularField, SingularLoop
+from .slopes import slopes_at_start
 from .state_space import Entry, LinearLoop, StateSpace
 
 ROUNDING = 5e-15  # remainder of terms that cancel
@@ -27,6 +32,11 @@ SAMPLES = 6  # a loop that is singular in all of them is taken to be so always
 DECADES = (-6.0, 3.0)
 
 Operation = float | tuple[str, tuple[int, ...]]
+DEPENDENT = 1e-9  # of its own diagonal: a pivot of a constraint that follows from others
+NOTHING = 1e-13  # share of its own inertias in a coordinate's motion: rounding of some hundred products
+MOST_BALANCES = 150  # multipliers and balances that are looked at; else a run shows it
+
+Matrix = list[list[float]]
 
 
 class Sized(NamedTuple):
@@ -291,3 +301,42 @@ def _pivot_of(row: list[Sized]) -> float:
     """Size of the largest entry of a row, relative to the terms from which the row was summed."""
     size = max((x.size for x in row), default=0.0)
     return max((abs(x.value) / size for x in row if not x.is_zero), default=0.0) if size else 0.0
+
+
+def refuse_idle_coordinates(space: StateSpace) -> None:
+    """Raise `CompilationFailed` for balances that no inertia determines."""
+    bound = [i.multiplier for i in space.invariants if i.multiplier is not None]
+    places = [*bound, *(b.variable for b in space.balances)]
+    if not space.balances or len(places) > MOST_BALANCES:
+        return
+    unknowns = {u.variable: u for u in space.unknowns}
+    chosen = [unknowns[v] for v in places]
+    rows = slopes_at_start(space, [u.residual for u in chosen], chosen)
+    if rows is None:
+        return
+    matrix = [[row.get(v, 0.0) for v in places] for row in rows]
+    multipliers = list(range(len(bound)))
+    own = [matrix[i][i] or 1.0 for i in multipliers]
+    while multipliers:
+        best = max(multipliers, key=lambda i: matrix[i][i] / own[i])
+        if matrix[best][best] <= DEPENDENT * own[best]:
+            break
+        _eliminate(matrix, best)
+        multipliers.remove(best)
+    left = list(range(len(bound), len(places)))
+    while left:
+        best = min(left, key=lambda i: matrix[i][i])
+        if matrix[best][best] >= -NOTHING:
+            raise CompilationFailed([space.balances[min(left) - len(bound)].told])
+        _eliminate(matrix, best)
+        left.remove(best)
+
+
+def _eliminate(matrix: Matrix, k: int) -> None:
+    pivot = matrix[k]
+    for i, row in enumerate(matrix):
+        factor = row[k] / pivot[k]
+        if i != k and factor:
+            for j, x in enumerate(pivot):
+                row[j] -= factor * x
+            row[k] = 0.0

@@ -10,8 +10,7 @@ from ..algebra.formula import Bound
 from ..errors import CompilationFailed, Diagnostic
 from ..fast_dataclass import dataclass
 from ..graph.domains import DOMAINS
-from ..graph.network import BondGraph, Requirement
-from ..graph.run_time_parameters import behind
+from ..graph.network import BondGraph, Requirement, behind
 from ..scene import Plan, Scene
 from ..source import Source, Span
 from ..syntax import SyntaxTree, parse, parse_expression, tree
@@ -25,10 +24,8 @@ from .names.imports import Loader
 from .names.scope import Absent, Broken, FileScope, ModelDefinition, Scalar, Scope
 from .names.statement_errors import MAXIMUM_MISTAKES, suggestion
 from .network.elaborate import Elaborator
-from .network.events import read_events, read_relays, read_stops
-from .network.nodes import Nodes
-from .network.requirements import parameter_checks, read_requirements
-from .network.unconnected import unconnected
+from .network.events import parameter_checks, read_events, read_relays, read_requirements, read_stops
+from .network.nodes import Nodes, unconnected
 from .resolution.elaboration_cache import MAXIMUM_PARTS, ElaborationCache
 from .resolution.solves import read_solves
 

@@ -20,8 +20,7 @@ from ..errors import CompilationFailed, InternalError
 from ..fast_dataclass import dataclass
 from ..garbage_collection import uncollected
 from ..source import Source, Span
-from .hidden import without_hidden
-from .parse import MAXIMUM_SIZE, parse, read_words
+from .parse import MAXIMUM_SIZE, parse, read_words, without_hidden
 from .refused import Refused, Unreadable, place_of
 from .tree import Index, Member, SyntaxNode
 

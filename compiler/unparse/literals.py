@@ -9,7 +9,7 @@ from typing import Any
 
 from ..errors import CompilationFailed, Diagnostic, InternalError, printable
 from ..graph.units import Dimension
-from ..semantics.expressions.unit import read_unit
+from ..semantics.expressions.scales import read_unit
 from ..source import Source, Span
 from .errors import UnwrittenUnit
 

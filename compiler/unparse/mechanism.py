@@ -26,8 +26,7 @@ from ..graph.mechanism import (
 )
 from ..graph.units import KILOGRAM, METRE, ONE, SECOND, Dimension
 from .literals import braces, former_name
-from .names import ReferenceNames
-from .reference_names import Words
+from .reference_names import ReferenceNames, Words
 
 MOMENT = KILOGRAM * METRE**2
 ALONG = frozenset({"slide", "cylinder", "screw", "skate"})

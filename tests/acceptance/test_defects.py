@@ -25,9 +25,9 @@ from scipy.optimize import brentq
 
 from bondgraph.commands import commands
 from bondgraph.presentation.page.serve import Server, Session
-from compiler.metamorphosis.changing import permuted
 from compiler.metamorphosis.printing import text_of
 from compiler.metamorphosis.renaming import parsed
+from compiler.metamorphosis.text_changes import permuted
 from tests.compiling import MODELS, ROOT
 from tests.page.test_serve_refusals import exchange, request
 

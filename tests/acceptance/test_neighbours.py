@@ -17,9 +17,9 @@ from scipy.special import ellipj, ellipk
 import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import RunFailed
-from compiler.metamorphosis.changing import permuted
 from compiler.metamorphosis.printing import text_of
 from compiler.metamorphosis.renaming import parsed
+from compiler.metamorphosis.text_changes import permuted
 from tests.compiling import MODELS
 
 few = pytest.mark.few(1)

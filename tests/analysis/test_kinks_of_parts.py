@@ -13,9 +13,9 @@ from scipy.linalg import expm
 
 import bondgraph
 from bondgraph.analysis.linear import linearization
-from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.analysis.placement import operating_point
 from bondgraph.errors import RunFailed, UsageError
+from bondgraph.keywords import AnalysisRequest
 from tests.compiling import LIBRARY
 
 TARGETS = (pytest.param("native", marks=pytest.mark.machine_code), "numpy")

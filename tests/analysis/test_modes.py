@@ -11,8 +11,8 @@ import pytest
 
 import bondgraph
 from bondgraph.analysis.modes import moving_frequencies
-from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.analysis.spectrum import spectrum
+from bondgraph.keywords import AnalysisRequest
 from tests.compiling import MODELS
 
 OSCILLATOR = """

@@ -10,9 +10,9 @@ import pytest
 
 import bondgraph
 from bondgraph.analysis.linear import linearization
-from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.analysis.placement import operating_point
 from bondgraph.errors import RunFailed, UsageError
+from bondgraph.keywords import AnalysisRequest
 
 OSCILLATOR = """model S {{
   mode n = {mode}

@@ -12,8 +12,9 @@ from click.testing import CliRunner
 
 import bondgraph
 from bondgraph import RunFailed
-from bondgraph.analysis.operating_point import AnalysisRequest, OperatingPoint
+from bondgraph.analysis.operating_point import OperatingPoint
 from bondgraph.commands import commands
+from bondgraph.keywords import AnalysisRequest
 from compiler.codegen.cost import cost
 from tests.compiling import MODELS
 

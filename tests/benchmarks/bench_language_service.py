@@ -20,8 +20,7 @@ sys.path[:0] = [str(HERE.parents[1])]
 from bondgraph.language_service.colours import marked_words  # noqa: E402
 from bondgraph.language_service.completion import completion  # noqa: E402
 from bondgraph.language_service.hover import hover  # noqa: E402
-from bondgraph.language_service.problems import problems  # noqa: E402
-from bondgraph.language_service.workspace import Workspace  # noqa: E402
+from bondgraph.language_service.workspace import Workspace, problems  # noqa: E402
 
 ROUNDS = 31
 PARTS = """model Damped {

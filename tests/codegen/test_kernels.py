@@ -9,7 +9,7 @@ import pytest
 
 from compiler.codegen import loop_rolling
 from compiler.codegen.c.write import write_c
-from compiler.codegen.llvm.bind import bind
+from compiler.codegen.llvm.evaluate import bind
 from compiler.codegen.llvm.generate import generate_code
 from compiler.codegen.program import Program
 from compiler.codegen.program_image import ProgramImage

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from bondgraph.editors.pygments_lexer import BondgraphLexer
-from bondgraph.editors.rules import CLASSES
-from bondgraph.editors.textmate import textmate_grammar
+from bondgraph.editors.rules import CLASSES, textmate_grammar
 from bondgraph.language_service.colours import marked_words
 from bondgraph.language_service.vocabulary import KEYWORDS, classes
 from bondgraph.language_service.workspace import Workspace

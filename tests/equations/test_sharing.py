@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import bondgraph
-from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.errors import UsageError
+from bondgraph.keywords import AnalysisRequest
 
 SPRINGS = """model T {
   input load: N = 0

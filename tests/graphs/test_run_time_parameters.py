@@ -11,8 +11,7 @@ import pytest
 
 from compiler.algebra.expression import Expression, Symbol, evaluate, symbols
 from compiler.algebra.formula import Bound, Formula, bind
-from compiler.graph.network import Named, Quantity, Reading
-from compiler.graph.run_time_parameters import behind, over_arguments
+from compiler.graph.network import Named, Quantity, Reading, behind, over_arguments
 from compiler.graph.units import METRE, Scale
 from compiler.source import Source, Span
 from tests.compiling import compiled

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bondgraph.language_service.diagram import MOST_NODES, diagram
-from bondgraph.language_service.lenses import lenses
+from bondgraph.language_service.outline import lenses
 from bondgraph.language_service.workspace import Workspace
 from tests.compiling import ROOT
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bondgraph.language_service.problems import problems
-from bondgraph.language_service.workspace import Workspace
+from bondgraph.language_service.workspace import Workspace, problems
 from compiler.examination import check
 from compiler.project import AT_ONCE, Project
 from compiler.source import Source

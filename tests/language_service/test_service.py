@@ -9,15 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from bondgraph.language_service.calls import call_usage
 from bondgraph.language_service.colours import marked_words
 from bondgraph.language_service.completion import completion
-from bondgraph.language_service.formatting import formatted
 from bondgraph.language_service.hints import inline_hints
-from bondgraph.language_service.hover import hover
+from bondgraph.language_service.hover import call_usage, hover
 from bondgraph.language_service.navigation import definition, edited, references, rename, workspace_symbols
 from bondgraph.language_service.outline import folds, outline
-from bondgraph.language_service.workspace import Workspace
+from bondgraph.language_service.workspace import Workspace, formatted
 from compiler.compilation import Compilation
 from compiler.graph.mechanism import COLOURS
 from compiler.scene import Scene

@@ -20,12 +20,11 @@ import pytest
 from bondgraph.compiled_model import LIBRARY
 from compiler.errors import render
 from compiler.metamorphosis.bonds import exploded, turned
-from compiler.metamorphosis.changing import Changed, Rename, permuted
 from compiler.metamorphosis.printing import text_of
 from compiler.metamorphosis.reductions import smallest
 from compiler.metamorphosis.renaming import bundled, parsed
 from compiler.metamorphosis.scaling import Powers
-from compiler.metamorphosis.text_changes import TextScene, enclosed
+from compiler.metamorphosis.text_changes import Changed, Rename, TextScene, enclosed, permuted
 from compiler.source import Source
 from compiler.syntax.blocks import Statements
 from compiler.syntax.format import format_text

@@ -10,9 +10,9 @@ import pytest
 
 from bondgraph.model import Model
 from bondgraph.results.result import Result
-from compiler.metamorphosis.changing import permuted
 from compiler.metamorphosis.printing import text_of
 from compiler.metamorphosis.renaming import parsed
+from compiler.metamorphosis.text_changes import permuted
 from compiler.source import Source
 
 MODELS = Path(__file__).resolve().parents[2] / "models"

@@ -14,7 +14,7 @@ from compiler.graph.mechanism import Mechanism
 from compiler.graph.network import MechanismNode
 from compiler.multibody.assignment_emitter import AssignmentEmitter
 from compiler.multibody.coordinates import _unit
-from compiler.multibody.rotation_vectors import turned_by_rates
+from compiler.multibody.rotations import turned_by_rates
 from compiler.multibody.tree import loop_of, spanning_tree, steps_of
 from compiler.multibody.vectors import Vector, skew
 from tests.compiling import compiled

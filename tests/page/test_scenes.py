@@ -11,9 +11,8 @@ import pytest
 
 import bondgraph
 from bondgraph.presentation.diagram.mechanism_geometry import RIGHT, UP, mechanism_geometry_of
-from bondgraph.presentation.page.runs import PageModel
-from bondgraph.presentation.page.scene import scenes_of
-from bondgraph.presentation.page.shapes import modes_data
+from bondgraph.presentation.page.document import modes_data
+from bondgraph.presentation.page.runs import PageModel, scenes_of
 from compiler.api import MechanismNode, write_text
 from tests.compiling import MODELS
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from bondgraph.presentation.page.serve import Server, Session
-from bondgraph.presentation.page.serve.cancellation import Stopped, TimedExecutor
-from bondgraph.presentation.page.serve.guard import Guard
+from bondgraph.presentation.page.serve.server import Guard
+from bondgraph.presentation.page.serve.session import Stopped, TimedExecutor
 from bondgraph.presentation.page.serve.settings import base_settings
 from tests.compiling import MODELS
 

@@ -18,9 +18,9 @@ import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.files import write_text
 from bondgraph.language_service.text_answers import TextAnswers
+from bondgraph.presentation.page.document import text_markup
 from bondgraph.presentation.page.serve import Server, Session
 from bondgraph.presentation.page.serve.settings import parameters_of
-from bondgraph.presentation.page.text import text_markup
 from compiler.api import Source
 from tests.page.test_serve import CURVE, TEXT, ask, final, unpacked, until
 

@@ -12,7 +12,7 @@ import bondgraph
 from bondgraph.analysis.energies import energies
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
-from bondgraph.presentation.plots.sweeps import plot_surface
+from bondgraph.presentation.plots.families import plot_surface
 from tests.compiling import MODELS
 
 RINGING = """

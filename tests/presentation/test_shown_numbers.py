@@ -13,8 +13,8 @@ from bondgraph import UsageError, load
 from bondgraph.analysis.energies import energies
 from bondgraph.language_service.hover import hover
 from bondgraph.language_service.workspace import Workspace
-from bondgraph.presentation.page.author_units import author_units
-from bondgraph.presentation.page.picture import _bond
+from bondgraph.presentation.page.document import _bond
+from bondgraph.presentation.page.experiments import author_units
 
 LAGS = """model Lags {
   input u = 1

@@ -8,7 +8,7 @@ import pytest
 import bondgraph
 from bondgraph.errors import RunFailed
 from compiler.algebra.expression import ONE, Expression, Symbol, call, multiply, select
-from compiler.reduction.jumps import jumps_of, surely
+from compiler.reduction.differentiate import jumps_of, surely
 from tests.compiling import compiled, mistake, numbers, refused
 
 CAR = """

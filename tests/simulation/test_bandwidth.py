@@ -13,7 +13,7 @@ import bondgraph
 from bondgraph.errors import UsageError
 from bondgraph.results.archive import read_result
 from bondgraph.results.result import Result
-from bondgraph.simulation.truncation import averaged_forcing, mode_truncation
+from bondgraph.simulation.truncation import mode_truncation, report
 from tests.compiling import MODELS
 
 OFF = """
@@ -254,13 +254,13 @@ def test_the_push_on_the_slow_motion(text: str, experiment: str, shown: str, bes
 def test_what_is_not_computed_is_small(text: str, experiment: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bound that saves the computation of the push is not smaller than its effect, in parts of the tolerance."""
     bounds: list[float] = []
-    bound = averaged_forcing._bound
+    bound = report._bound
 
     def noted(*given: Any) -> float:
         bounds.append(bound(*given))
         return np.inf
 
-    monkeypatch.setattr(averaged_forcing, "_bound", noted)
+    monkeypatch.setattr(report, "_bound", noted)
     found = bondgraph.load(text).simulate(experiment)
     assert found.truncation is not None and len(bounds) == 1
     for name, lacks in found.truncation.kept.items():

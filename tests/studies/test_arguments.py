@@ -9,9 +9,9 @@ import pytest
 
 import bondgraph
 from bondgraph.analysis.modes import moving_frequencies
-from bondgraph.analysis.operating_point import AnalysisRequest
 from bondgraph.analysis.placement import operating_point
 from bondgraph.analysis.sensitivity import balanced_step
+from bondgraph.keywords import AnalysisRequest
 from tests.compiling import MODELS
 
 TEXT = """

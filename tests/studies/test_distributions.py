@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from bondgraph import UsageError
-from bondgraph.studies.distributions import distribution, quantiles
-from bondgraph.studies.sampling import correlation_matrix, cube, values_of
+from bondgraph.studies.montecarlo import correlation_matrix, cube, distribution, quantiles, values_of
 from compiler.api import Distribution
 
 

@@ -14,8 +14,8 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph import UsageError
 from bondgraph.commands import commands
-from bondgraph.studies.indices import indices, mixed
-from bondgraph.studies.sampling import cube
+from bondgraph.studies.montecarlo import cube
+from bondgraph.studies.tolerances import indices, mixed
 from bondgraph.studies.workers import Workers
 from tests.compiling import MODELS
 

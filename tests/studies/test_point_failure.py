@@ -20,7 +20,7 @@ from bondgraph.errors import (
     StepsCollapsed,
 )
 from bondgraph.simulation import repetition
-from bondgraph.studies import experiment_study, point_failure, runs, scalar_study, workers
+from bondgraph.studies import experiment, point_failure, runs, scalar_study, workers
 from bondgraph.studies.workers import Workers
 from tests.studies.test_runs import SETTINGS, TEXT
 
@@ -37,7 +37,7 @@ def breaking(monkeypatch: pytest.MonkeyPatch, broken: dict[float, BaseException]
         return plain(model, request)
 
     monkeypatch.setattr(runs, "simulate", simulate)
-    monkeypatch.setattr(experiment_study, "simulate", simulate)
+    monkeypatch.setattr(experiment, "simulate", simulate)
     monkeypatch.setattr(scalar_study, "simulate", simulate)
     monkeypatch.setattr(workers, "simulate_together", lambda model, run, points: [None] * len(points))
 

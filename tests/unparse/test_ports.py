@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from compiler.graph.network import Reading
-from compiler.unparse.ports import seen_at_a_node
+from compiler.unparse.reference_names import seen_at_a_node
 from tests.compiling import compiled
 
 GRAPH = compiled(

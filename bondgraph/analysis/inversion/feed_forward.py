@@ -16,7 +16,7 @@ from ...errors import RunFailed, UsageError
 from ...quantities import behind
 from ...rendering import OfModel, Plotted, Summarised
 from ...results.json_values import arrays_with_units, entries, head, with_units
-from .drives import Drive
+from .equations import Drive
 
 SCHEMA = "bondgraph-feed-forward/1"
 NEAR = 1e-12  # relative to the largest of its unit: rounding of a rest, as of a rate in its search; such a start is the model's own

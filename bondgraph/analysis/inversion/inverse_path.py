@@ -13,13 +13,14 @@ from compiler.api import Array, ComplexArray
 
 from ...compiled_model import CompiledModel
 from ...errors import RunFailed, UsageError
+from ...keywords import AnalysisRequest
 from ...numerics.scales import group_numbers, largest_of_group
 from ...quantities import behind
+from ...simulation.segments.timeline import segments
 from ..equilibrium import units_of
-from ..operating_point import AnalysisRequest, OperatingPoint
+from ..operating_point import OperatingPoint
 from ..placement import operating_point
-from .drives import Drive, drives_of
-from .equations import InversionEquations
+from .equations import Drive, InversionEquations, drives_of
 from .feed_forward import NEAR, FeedForward, within_limits
 from .motion import Ends, Motion, motion
 from .path import Path, is_plain, path_of
@@ -74,8 +75,6 @@ def invert_path(request: PathRequest, inputs: Sequence[str]) -> FeedForward:
 
 def _refuse_jumps(point: OperatingPoint, request: PathRequest) -> None:
     """Raise an error if the model itself changes on the way."""
-    from ...simulation.segments.timeline import segments
-
     with np.errstate(all="ignore"):
         stretches = segments(point.program, point.constants, request.start, request.stop)
     for before, after in pairwise(stretches):

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from compiler import api
 from compiler.api import Array, Leaf, TaylorSeries
 
 from ...compiled_model import CompiledModel
 from ...errors import UsageError
-from ...simulation.segments.timeline import Segment
+from ...simulation.segments.timeline import Segment, segments
 
 BESIDE = 1e-9  # fraction of the path's length: distance from an instant at which both sides are compared
 DEGREE = 9  # degree of a curve through points
@@ -48,8 +49,6 @@ class Path:
     def __init__(
         self, names: Sequence[str], model: CompiledModel, start: float, stop: float, samples: Mapping[str, Any] | None = None
     ) -> None:  # fmt: skip
-        from ...simulation.segments.timeline import segments
-
         made = model.compiled_scene(model.scene(None), True, "numpy")
         program, lowered = made.program, made.compilation.lowered
         self.names, self.start, self.stop = tuple(names), start, stop
@@ -166,8 +165,6 @@ def path_of(model: CompiledModel, wanted: Mapping[str, Any], start: float, stop:
     Tables of a text (`cubic(time, column("curve.csv", "t"), column("curve.csv", "x"))`) are files beside the model. Raises `UsageError`,
     `CompilationFailed`.
     """
-    from compiler import api
-
     outputs = model.compilation(model.scene(None)).whole_graph.outputs
     unknown = [n for n in wanted if n not in outputs]
     if unknown or not wanted:

@@ -6,17 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ...keywords import AnalysisRequest, PathKeywords
 from ...quantities import quantity, refuse_two_readings
-from ..operating_point import AnalysisRequest
 from ..sensitivity import independent
-from .drives import drives_of
+from .equations import drives_of
 from .feed_forward import FeedForward
 from .inverse_path import PathRequest, invert_path
 from .static import Inversion, asked_for, invert
 
 if TYPE_CHECKING:
     from ...compiled_model import CompiledModel
-    from ...keywords import PathKeywords
 
     Quantity = str | float
 

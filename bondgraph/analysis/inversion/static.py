@@ -18,19 +18,21 @@ from compiler.api import Array, MechanismNode, Reported
 
 from ...compiled_model import CompiledModel
 from ...errors import RunFailed, UsageError
+from ...keywords import AnalysisRequest
 from ...numerics.scales import equilibrated
+from ...quantities import quantity
 from ...rendering import OfModel, Summarised
 from ...results.json_values import head, named, with_units
 from ...simulation.equilibrium.search import equilibrium, search_at
 from ...simulation.segments.timeline import Segment
 from ..equilibrium import units_of
-from ..operating_point import AnalysisRequest, OperatingPoint
+from ..linear import without_rounding
+from ..operating_point import OperatingPoint
 from ..placement import operating_point
-from ..rounding import without_rounding
 from ..sensitivity import balanced_step
 from ..sizes import natural
 from ..verdict import verdict
-from .drives import PROBE, Drive
+from .equations import PROBE, Drive
 
 SCHEMA = "bondgraph-inversion/1"
 ITERATIONS = 30
@@ -287,8 +289,6 @@ def _told(search: Search, targets: Mapping[str, float]) -> Inversion:
 
 def asked_for(model: CompiledModel, targets: Mapping[str, str | float], experiment: str | None) -> dict[str, float]:
     """Return targets in SI. Raises `UsageError` for names that are no outputs."""
-    from ...quantities import quantity
-
     compilation = model.compilation(model.scene(experiment))
     outputs, shown = compilation.whole_graph.outputs, {r.name: r.unit for r in compilation.plan.report if r.scale != 1}
     unknown = [n for n in targets if n not in outputs]

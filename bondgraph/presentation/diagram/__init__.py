@@ -11,9 +11,8 @@ from .diagram_model import diagram_model_of
 from .figure import Figure
 from .frames import place_framed
 from .mechanism import draw_mechanism
-from .mechanism_geometry import mechanism_geometry_of
+from .mechanism_geometry import mechanism_geometry_of, mechanisms_of, posed_model
 from .picture import write_figure
-from .poses import mechanisms_of, posed_model
 from .shapes import shapes_of
 from .svg import svg_text
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from compiler.api import Body, BondGraph
 
 from .vectors import ROUND, Vector, across, number_of, numbers_of, quaternion, turned
@@ -46,8 +48,6 @@ def shape_of(graph: BondGraph, body: Body, planar: bool) -> BodyShape | None:
 
 def solid_of(graph: BondGraph, body: Body) -> BodyShape | None:
     """Return the solid with the mass and inertia of a body in space; None for a body that has none, or numbers that are not known before a run."""
-    import numpy as np
-
     mass, own = number_of(graph, body.mass), body.inertia
     rows = ((own.xx, own.xy, own.xz), (own.xy, own.yy, own.yz), (own.xz, own.yz, own.zz))
     tensor = np.array([numbers_of(graph, row) for row in rows])

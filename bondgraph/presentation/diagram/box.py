@@ -8,8 +8,7 @@ import numpy as np
 
 from .blocks import DOWN, LEFT, RIGHT, UP, Block, Boxed, Draft, Growth, TreeBranch
 from .diagram_model import HEAD, TAIL, DiagramLine
-from .glyphs import GAP, NAME, PORT, shortest
-from .lettering import text_width
+from .glyphs import GAP, NAME, PORT, shortest, text_width
 from .overlap import NOTHING, Rectangles, Vector, corridor, joined, lane, moved, push, rectangles
 
 TITLE = 40.0  # height of kind and name

@@ -15,8 +15,7 @@ from .box import port_of
 from .diagram_model import TAIL, DiagramLine, DiagramModel, DiagramNode
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
 from .frames import Framed
-from .glyphs import PORT, STROKE, text_rectangle
-from .lettering import text_width
+from .glyphs import PORT, STROKE, text_rectangle, text_width
 from .overlap import NOTHING, Point, Rectangles, bounds, joined, rectangles, touches, unit_vector
 from .place import DiagramLayout
 from .styles import STYLES

@@ -2,7 +2,8 @@
 
 It is made from the causal graph, so that every stroke is the compiler's. Parallel bonds between the same two nodes, with equal strokes, are one
 multibond; junctions that such bonds pass through together are one junction, and so are those that the text declares as one of a width, and what a
-transducer of multibonds is made of.
+transducer of multibonds is made of. A junction that is off has each of its bonds at a source of zero in the graph; a diagram has the junction
+itself, with all its bonds. Signals are quantities of other elements that laws read.
 """
 
 from __future__ import annotations
@@ -11,13 +12,86 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from compiler.api import BondGraph, CausalGraph, Compilation, Element, GraphNode, Junction, Kind, MechanismNode, letters
+from compiler.api import (
+    BondGraph,
+    CausalGraph,
+    Compilation,
+    Element,
+    GraphNode,
+    Junction,
+    Kind,
+    MechanismNode,
+    Quantity,
+    Reading,
+    letters,
+)
 
 from ..text.causality import explain
-from .off_junctions import OffJunctions, off_junctions
-from .signals import Signal, signals_of
 
 TAIL, HEAD = 0, 1
+# Number of a junction in the whole graph -> for each of its bonds the source of zero in the graph; None for one that gives nothing and is left out.
+OffJunctions = dict[int, tuple[int | None, ...]]
+OUTSIDE = frozenset({"parameter", "constant"})  # constant quantities need no arrow
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """An arrow into an element: from the node whose variable its law reads, or from outside (None) with a name."""
+
+    source: int | None
+    target: int
+    label: str
+
+
+def signals_of(graph: BondGraph, of: Mapping[int, int]) -> Iterator[Signal]:
+    """Yield the signals of every modulated element: one arrow from each node that it reads, directly or through named signals.
+
+    If there is none, one arrow from outside with the names of the signals. `of` maps a node of the graph to its node of the diagram.
+    """
+    numbers = {node.name: number for number, node in enumerate(graph.nodes)}
+    seen: set[tuple[int | None, int]] = set()
+    for number, node in enumerate(graph.nodes):
+        if not isinstance(node, Element) or not node.modulated:
+            continue
+        target, names = of[number], _names(graph, node)
+        read = [of[m] for m in _read(graph, node, numbers)]
+        sources: list[int | None] = [s for s in dict.fromkeys(read) if s != target]
+        if not sources and names and not read:
+            sources = [None]
+        for source in sources:
+            if (source, target) not in seen:
+                seen.add((source, target))
+                yield Signal(source, target, ", ".join(names))
+
+
+def _names(graph: BondGraph, node: Element) -> list[str]:
+    """Return the named quantities that a law reads, without constant ones."""
+    names = [a.name for a in node.arguments if isinstance(a, Quantity)]
+    quantities = {**graph.outputs, **graph.quantities}
+    return [n for n in dict.fromkeys(names) if n in quantities and quantities[n].role not in OUTSIDE]
+
+
+def _read(graph: BondGraph, node: Element, numbers: Mapping[str, int]) -> list[int]:
+    """Return the nodes whose variables a law reads, through any signals."""
+    quantities = {**graph.outputs, **graph.quantities}
+    waiting, done, found = list(node.arguments), set[str](), dict[int, None]()
+    while waiting:
+        item = waiting.pop(0)
+        if isinstance(item, Reading):
+            number = numbers.get(item.node)
+            if number is None and (item.node, item.port) in graph.walls:  # a port of a model: the node inside
+                number = graph.bonds[graph.walls[item.node, item.port]].head.node
+            if number is not None:
+                found[number] = None
+        elif isinstance(item, Quantity) and item.name in quantities and item.name not in done:
+            done.add(item.name)
+            definitions = [quantities[item.name].definition]
+            if item.name in graph.integrals:
+                definitions.append(graph.integrals[item.name].rate)
+            if item.name in graph.delays:
+                definitions.append(graph.delays[item.name].value)
+            waiting += [a for d in definitions if d is not None for a in d.arguments]
+    return list(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,3 +379,22 @@ def _stem(names: Iterable[str]) -> str:
         return names[0]
     stems = list(dict.fromkeys(n.rpartition(".")[0] for n in names))
     return ", ".join(stems if all(stems) else dict.fromkeys(names))
+
+
+def off_junctions(compilation: Compilation) -> OffJunctions:
+    """Return the junctions that are off in a scene, but for those of a multibond."""
+    whole, graph = compilation.whole_graph, compilation.causal.graph
+    switched, off = {s.junction for s in whole.switches}, set(compilation.off)
+    sources = {node.name: number for number, node in enumerate(graph.nodes) if isinstance(node, Element)}
+    junctions = {node.name for node in graph.nodes if isinstance(node, Junction)}
+    switched_off: OffJunctions = {}
+    for number, node in enumerate(whole.nodes):
+        if not isinstance(node, Junction) or node.bundle or node.name not in switched - junctions:
+            continue
+        names = [
+            f"{node.name} ({count})" if count > 1 else node.name for count in range(1, len(whole.incident[number]) + 1)
+        ]
+        ends = tuple(map(sources.get, names))
+        if node.name in off or any(end is not None for end in ends):
+            switched_off[number] = ends
+    return switched_off

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from .diagram_model import DiagramModel
-from .glyphs import PORT, text_rectangle
-from .lettering import text_width
+from .glyphs import PORT, text_rectangle, text_width
 from .overlap import NOTHING, Rectangles, bounds, joined, lane, rectangles, touches
 from .place import DiagramLayout, node_rectangles, place
 

@@ -1,22 +1,26 @@
 """Mechanism geometry: positions of bodies, joints and springs in the drawing's reference, and in another pose.
 
 Points are in the plane of the picture, in m, y upwards; a mechanism in space is seen from the front, right and above.
+
+Most models have no poses as outputs. So for the poses of a run or an analysis the model is written flat, as the experiment sets it, with its poses as outputs.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from compiler.api import BondGraph, Bound, Element, Joint, Junction, Kind, MechanismNode
+from compiler.api import BondGraph, Bound, Element, Joint, Junction, Kind, MechanismNode, Scene, write_text
 
+from ...compiled_model import CompiledModel, source_of
 from .body_shapes import BALL, BodyShape, outlines_of, shape_of
-from .vectors import ORIGIN, Turn, Vector, circle, number_of, numbers_of, turned
+from .vectors import ORIGIN, Turn, Vector, circle, number_of, numbers_of, quaternion, turned
 
 Point = tuple[float, float]
 # Directions of the picture's right and up, for a mechanism in space.
 RIGHT, UP = (math.cos(math.radians(25)), -math.sin(math.radians(25)), 0.0), (0.24, 0.33, 0.92)
+PLANE, SPACE = ("x", "y", "phi"), ("x", "y", "z", "attitude.w", "attitude.x", "attitude.y", "attitude.z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,3 +234,65 @@ def springs_of(graph: BondGraph, node: MechanismNode) -> Iterator[tuple[str, tup
                 around = [e.node for b in graph.incident[place] for e in (graph.bonds[b].tail, graph.bonds[b].head)]
                 waiting += [n for n in around if n not in seen]
     yield from ((joint, tuple(dict.fromkeys(names))) for joint, names in found.items())
+
+
+@dataclass(frozen=True, slots=True)
+class PosedModel:
+    """A model written flat. `names`: the poses of all bodies, as outputs."""
+
+    model: CompiledModel
+    graph: BondGraph
+    names: tuple[str, ...]
+
+    def poses(self, node: MechanismNode, values: Mapping[str, float]) -> list[Pose]:
+        """Return the poses of the bodies of a mechanism of the graph, from the values of their components."""
+        numbers = [values[name] for name in pose_parts(node)]
+        size = len(PLANE if node.mechanism.planar else SPACE)
+        return [
+            _pose(numbers_of(self.graph, body.turn), numbers[size * i : size * (i + 1)])
+            for i, body in enumerate(node.mechanism.bodies)
+        ]
+
+
+def posed_model(model: CompiledModel, experiment: str | None) -> PosedModel:
+    """Return the model as an experiment sets it. Raises `CompilationFailed`."""
+    flat = CompiledModel(source_of(write_text(model.compilation(Scene(model.model, experiment)).whole_graph)))
+    graph = flat.compilation().whole_graph
+    return PosedModel(flat, graph, tuple(name for node in mechanisms_of(graph) for name in pose_parts(node)))
+
+
+def mechanisms_of(graph: BondGraph) -> list[MechanismNode]:
+    """Return the mechanisms in the order of the text."""
+    return [node for node in graph.nodes if isinstance(node, MechanismNode)]
+
+
+def pose_parts(node: MechanismNode) -> dict[str, str]:
+    """Return the names of the components of the poses of all bodies, each with its part: x, phi, attitude.w and so on."""
+    parts = PLANE if node.mechanism.planar else SPACE
+    return {f"{node.name}.{body.name}.{part}": part for body in node.mechanism.bodies for part in parts}
+
+
+def _pose(reference: Vector, values: list[float]) -> Pose:
+    """Return the pose from the values of a body: they are absolute, and a picture rotates the body from its reference."""
+    w, *axis = quaternion(reference)
+    now: Sequence[float]
+    if len(values) == len(PLANE):
+        x, y, phi = values
+        place, now = (x, y, 0.0), quaternion((0.0, 0.0, phi))
+    else:
+        length = math.hypot(*values[3:])
+        x, y, z, *attitude = values
+        place, now = (x, y, z), tuple(v / length for v in attitude)
+    return Pose(place, _after(now, (w, *(-v for v in axis))))
+
+
+def _after(p: Sequence[float], q: Sequence[float]) -> Turn:
+    """Return the rotation p after the rotation q."""
+    a, b, c, d = p
+    w, x, y, z = q
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )

@@ -1,4 +1,7 @@
-"""Layout: each connected part separately as a tree, the bonds that close its rings routed afterwards, the parts in rows."""
+"""Layout: each connected part separately as a tree, the bonds that close its rings routed afterwards, the parts in rows.
+
+Long chains are in rows of a page's width: back and forth, each row below the one before, all bonds still straight.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,12 @@ from itertools import chain, pairwise
 
 import networkx as nx
 
-from .blocks import Block, Boxed, TreeBranch
+from .blocks import DOWN, LEFT, RIGHT, Block, Boxed, TreeBranch
 from .diagram_model import DiagramModel, DiagramNode
 from .glyphs import letter_rectangle, text_rectangle
-from .overlap import NOTHING, Point, Rectangles, Vector, bounds, joined, lane, moved, rectangles
+from .overlap import MARGIN, NOTHING, Point, Rectangles, Vector, bounds, joined, lane, moved, rectangles
 from .route import HARD, Ground, Rectangle, all_routed, between, routed
 from .tree import SIDES, Parts, grow_tree
-from .wrap import wrapped
 
 APART = 46.0  # between two parts
 WIDEST = 1000.0  # largest width of a row, of one part or of several
@@ -27,6 +29,9 @@ HUB = 3  # bonds of a box around which all others are placed
 SIGNAL = 0.4  # price of a signal beside that of a bond
 ROOMIER = (24.0, 60.0, 120.0)
 NARROW = 4.0  # free space of a signal at each side
+LATEST = 1.25  # of a row's length: a row ends between two instances if it can
+
+Branches = Mapping[int, Sequence[TreeBranch]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,3 +322,31 @@ def _in_rows(parts: Sequence[DiagramLayout]) -> DiagramLayout:
         taken.append(moved(part.taken, dx, dy))
         x, depth = x + right - left + APART, max(depth, bottom - top)
     return DiagramLayout(places, labels, boxes, bonds, signals, texts, joined(NOTHING, *taken))
+
+
+def wrapped(
+    nodes: Sequence[DiagramNode], branches: Branches, block: Block, root: int, rows: int
+) -> dict[int, list[TreeBranch]]:
+    """Return the branches of a tree, those on its longest way with the sides at which it goes on in its row or to the next."""
+    left, top, right, bottom = bounds(block.taken)
+    parents = {b.child: (parent, b) for parent, around in branches.items() for b in around if b.heavy}
+    spine = [max([root, *parents], key=lambda n: abs(block.places[n][0] - block.places[root][0]))]
+    while spine[-1] in parents:
+        spine.append(parents[spine[-1]][0])
+    steps = {
+        n: max(abs(a - b) for a, b in zip(block.places[n], block.places[parents[n][0]], strict=True))
+        for n in spine[:-1]
+    }
+    first, last = sorted(block.places[n][0] for n in (root, spine[0]))
+    length = (sum(steps.values()) + first - left + right - last) / rows
+    sides, drops, way, done = dict[int, Vector](), dict[int, float](), RIGHT, first - left
+    for child, step in reversed(steps.items()):
+        within = nodes[child].inside and nodes[child].inside == nodes[parents[child][0]].inside
+        done += step
+        sides[child] = way
+        if done > length * (LATEST if within else 1.0):
+            sides[child], drops[child], done, way = DOWN, bottom - top + MARGIN, 0.0, LEFT if way == RIGHT else RIGHT
+    return {
+        n: [replace(b, side=sides.get(b.child), least=drops.get(b.child, 0.0)) for b in around]
+        for n, around in branches.items()
+    }

@@ -14,8 +14,14 @@ from ...errors import UsageError
 from .compose import group_at
 from .figure import Figure, Group
 from .mechanism import draw_mechanism
-from .mechanism_geometry import MechanismGeometry, mechanism_geometry_of
-from .poses import PosedModel, mechanisms_of, pose_parts, posed_model
+from .mechanism_geometry import (
+    MechanismGeometry,
+    PosedModel,
+    mechanism_geometry_of,
+    mechanisms_of,
+    pose_parts,
+    posed_model,
+)
 
 if TYPE_CHECKING:
     from compiler.api import MechanismNode
@@ -35,8 +41,8 @@ def shapes_of(model: CompiledModel, experiment: str | None, name: str | None, co
     """Return the first `count` modes that move the mechanism, slowest first, in rows of three. Raises as `Model.draw_mechanism`."""
     from ...analysis.equilibrium import equilibrium
     from ...analysis.modes import modes
-    from ...analysis.operating_point import AnalysisRequest
     from ...analysis.placement import operating_point
+    from ...keywords import AnalysisRequest
 
     posed = posed_model(model, experiment)
     point = operating_point(posed.model, AnalysisRequest(outputs=posed.names))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
+from ..text.tables import visible
 from .figure import Circle, Figure, Group, Lettering, Polyline, RoundedBox, Shape
 from .styles import DARK, MARKS, SHAPE_STYLES, STYLES, Style
 
@@ -106,8 +107,6 @@ def _n(value: float) -> str:
 
 def _plain(text: str) -> str:
     """Return text without characters that would change the reading direction or break a file."""
-    from ..text.tables import visible
-
     return visible(text)
 
 

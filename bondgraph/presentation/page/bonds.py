@@ -12,6 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from compiler.api import DOMAINS, BondGraph, Element, GraphNode, Junction, Kind, MechanismNode
 
 MOST = 400  # most bonds: a page would carry more numbers than a reader uses
@@ -42,8 +44,6 @@ class BondColumns:
 
     def values(self, read: Mapping[str, Any], length: int) -> Any:
         """Return all columns, shape (columns, length), from the values of a run, by name."""
-        import numpy as np
-
         kind = complex if any(np.iscomplexobj(read[n]) for n in self.names) else float
         found = np.zeros((len(self.columns), length), dtype=kind)
         for place, column in enumerate(self.columns):

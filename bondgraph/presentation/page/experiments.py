@@ -1,24 +1,49 @@
-"""Experiments of a model as data: single runs are plotted over time, others over their swept values, or described in words."""
+"""Experiments of a model as data: single runs are plotted over time, others over their swept values, or described in words.
+
+Curves are over what is swept, a frequency, the parameter of a branch, the share of random points, the lines of measured data. Units are those of
+the author: the one behind the colon of a quantity, else that of the first number of the same kind.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
-from compiler.api import CompilationFailed
+from compiler.api import Array, CompilationFailed, Scale, Source, read_unit, tree
 
+from ...compiled_model import CompiledModel
 from ...compiled_scene import many_runs
 from ...errors import MissingPackage, RunFailed, UsageError
 from ...results.records import EnergyBalance
 from ...results.result import Result
 from ...simulation.run_options import RunRequest
 from ...studies.experiment import run
-from ..text.tables import short, shown_unit
+from ..text.tables import short, shown_unit, visible
 from .markup import Html, table, tag
-from .outcome_plots import outcome_plot
-from .runs import PageModel, run_data
+from .runs import OUTPUTS, PageModel, packed, run_data
+
+if TYPE_CHECKING:
+    from ...analysed_model import AnalysedModel
+    from ...analysis.branch import Branch
+    from ...analysis.modes import Modes
+    from ...analysis.outcome import Outcome
+    from ...analysis.response import Response
+    from ...studies.fitted import Fit
+    from ...studies.tolerances import MonteCarlo
 
 PROBLEMS = (CompilationFailed, UsageError, RunFailed, MissingPackage)
+Curve = tuple[str, str, Array]  # name, unit, values
+SHARES = 201  # points of a distribution
+
+
+Axis = tuple[str, str, bool] | None  # name, unit, logarithmic; None: the time
+Plot = tuple[Axis, Any, list[Curve]]  # what curves are drawn over, its values, the curves
+NOTHING: Plot = (None, (), [])
+_NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}|%))")
+
+_NAMES = re.compile(r"[^\W\d]\w*")
 
 
 def one_run(watched: PageModel, name: str) -> bool:
@@ -76,3 +101,177 @@ def _balance(balance: EnergyBalance) -> Html:
     rows.append(("sum", "", *(f"{v:.6g}" for v in (balance.supplied, balance.stored, balance.dissipated))))
     summary = tag("summary", f"energy balance of the whole run; what it leaves unexplained: {balance.residual:.3g} J")
     return tag("details", summary, table(rows, ("element", "", "supplied, J", "stored, J", "dissipated, J")))
+
+
+def outcome_plot(model: AnalysedModel, outcome: Outcome) -> dict[str, Any]:
+    """Return `{"plot": …}` of a sweep over one name, or of the first analysis that has curves; nothing without one."""
+    axis, values, curves = _swept(model, outcome) if outcome.swept else _analysed(model, outcome)
+    curves = curves[:OUTPUTS]
+    if not curves:
+        return {}
+    axis_data = {"name": short(axis[0]), "unit": visible(axis[1]), "log": axis[2]} if axis else None
+    return {
+        "plot": {
+            "axis": axis_data, "time": packed(values, single=False),
+            "outputs": [{"name": visible(n), "unit": shown_unit(u)} for n, u, _ in curves],
+            "values": packed([v for _, _, v in curves], single=False),
+        }
+    }  # fmt: skip
+
+
+def _swept(model: AnalysedModel, outcome: Outcome) -> Plot:
+    """Return the runs of a sweep over time, if they have equal instants, else what each point gives over the swept values."""
+    import numpy as np
+
+    if len(outcome.swept) != 1 or len(outcome.points) < 2:
+        return NOTHING
+    ((swept, (unit, scale)),) = author_units(model, outcome.swept).items()
+    values = [float(f"{scale.from_si(p.settings[swept]):.12g}") for p in outcome.points]
+    words = [
+        outcome.in_words(p.settings)[swept] if outcome.words else f"{v:.7g} {unit}"
+        for v, p in zip(values, outcome.points, strict=True)
+    ]
+    runs = [(f"{short(swept)} = {w}".rstrip(), p.run) for w, p in zip(words, outcome.points, strict=True)]
+    finished = [(at, run) for at, run in runs if run is not None]
+    if not finished or any(not np.array_equal(run.time, finished[0][1].time) for _, run in finished):
+        return (swept, unit, False), values, [_curve(outcome, n, outcome(n)) for n in outcome.names if n != swept]
+    items = [item for item, _ in finished[0][1].shown()[: max(1, OUTPUTS // len(finished))]]
+    curves = [
+        (f"{short(i.name, 30)}, {at}", i.unit, run[i.name] * i.scale + i.offset) for i in items for at, run in finished
+    ]
+    return None, finished[0][1].time, curves
+
+
+def _curve(outcome: Outcome | MonteCarlo, name: str, values: Array, unit: str = "1") -> Curve:
+    """Return values in SI as they are reported."""
+    unit, scale, offset = outcome.shown.get(name, (outcome.units.get(name, unit), 1.0, 0.0))
+    return short(name), unit, values * scale + offset
+
+
+def _analysed(model: AnalysedModel, outcome: Outcome) -> Plot:
+    """Return the first analysis that has curves."""
+    from ...analysis.branch import Branch
+    from ...analysis.inversion.feed_forward import FeedForward
+    from ...analysis.modes import Modes
+    from ...analysis.response import Response
+    from ...studies.fitted import Fit
+    from ...studies.tolerances import MonteCarlo
+
+    for result in (
+        x for p in outcome.points for x in (*p.responses, *(analysis for _, analysis in p.analyses), p.modes)
+    ):
+        if isinstance(result, Response):
+            return ("frequency", "Hz", True), result.frequencies, list(_response(result))
+        if isinstance(result, Branch):
+            name = result.parameter
+            unit, scale = author_units(model, {name: result.units.get(name, "1")})[name]
+            return (name, unit, False), [scale.from_si(v) for v in result.values], list(_branch(outcome, result))
+        if isinstance(result, MonteCarlo):
+            return _shares(result)
+        if isinstance(result, FeedForward):
+            columns = {**result.inputs, **result.outputs}
+            return None, result.time, [_curve(outcome, n, v, result.units.get(n, "1")) for n, v in columns.items()]
+        if isinstance(result, Fit):
+            return _fitted(outcome, result)
+        if isinstance(result, Modes):
+            return _stems(result)
+    return NOTHING
+
+
+def _response(found: Response) -> Iterator[Curve]:
+    """Yield magnitudes in dB, and phases."""
+    import numpy as np
+
+    with np.errstate(divide="ignore"):
+        decibels, phase = 20 * np.log10(found.magnitude), found.phase
+    for j, given in enumerate(found.inputs):
+        for i, seen in enumerate(found.outputs):
+            yield f"{short(given)} to {short(seen)}", f"dB of {found.unit(given, seen)}", decibels[:, i, j]
+            yield f"phase of {short(given)} to {short(seen)}", "deg", phase[:, i, j]
+
+
+def _branch(outcome: Outcome, found: Branch) -> Iterator[Curve]:
+    """Yield the outputs along a branch, where they are unstable as curves of their own."""
+    import numpy as np
+
+    for name, values in found.outputs.items():
+        label, unit, shown = _curve(outcome, name, values, found.units.get(name, "1"))
+        yield label, unit, np.where(found.unstable, np.nan, shown)
+        if found.unstable.any():
+            yield f"{label}, unstable", unit, np.where(found.unstable, shown, np.nan)
+
+
+def _shares(found: MonteCarlo) -> Plot:
+    """Return the value below which a share of the random points lies, for each quantity."""
+    import numpy as np
+
+    shares, curves = np.linspace(0, 100, SHARES), []
+    for name in found.quantities:
+        values = found(name)[np.isfinite(found(name))]
+        if len(values):
+            curves.append(_curve(found, name, np.percentile(values, shares), "Hz"))
+    return ("share of the points below", "%", False), shares, curves
+
+
+def _fitted(outcome: Outcome, found: Fit) -> Plot:
+    """Return measured and computed values over the lines of the data."""
+    import numpy as np
+
+    lines = np.arange(1 + max(max(one.rows) for one in found.series))
+    curves = []
+    for one, computed in zip(found.series, found.computed, strict=True):
+        for word, values in (("measured", one.measured), ("computed", computed)):
+            column = np.full(len(lines), np.nan)
+            column[list(one.rows)] = values
+            label, unit, shown = _curve(outcome, one.name, column, one.unit)
+            curves.append((f"{label}, {word}", unit, shown))
+    return ("line of the data", "", False), lines + 1.0, curves
+
+
+def _stems(found: Modes) -> Plot:
+    """Return a line from zero up to the damping ratio at each frequency."""
+    import numpy as np
+
+    moving = [mode for mode in found if mode.frequency > 0]
+    values = np.array([x for mode in moving for x in (0.0, mode.damping, np.nan)])
+    return (
+        ("frequency", "Hz", True),
+        np.repeat([mode.frequency for mode in moving], 3),
+        [("damping ratio", "1", values)][: len(moving)],
+    )
+
+
+def quantities_in(text: str) -> Iterator[tuple[Fraction, str, Scale]]:
+    """Yield all numbers of a text that have a unit, with it."""
+    for number, bracketed, plain in _NUMBERS.findall(text):
+        try:
+            yield Fraction(number), bracketed or plain, read_unit(Source("unit", bracketed or plain))
+        except CompilationFailed:
+            continue  # the word is no unit
+
+
+def author_units(model: CompiledModel, units: Mapping[str, str]) -> dict[str, tuple[str, Scale]]:
+    """Return the author's unit for each name of parameters, inputs and sweeps with its unit in SI; that unit where there is no other."""
+    written: dict[str, tree.Item | tree.SweepSyntax] = {}
+    for statement in model.compilation().tree.models[model.name].statements:
+        if isinstance(statement, tree.Quantities):
+            written |= {item.name: item for item in statement.items}
+        elif isinstance(statement, tree.Experiment):
+            for step in statement.steps:
+                if isinstance(step, tree.SweepSyntax):
+                    written.setdefault(step.path.span.words, step)
+    return {name: _unit(name.partition("[")[0], unit, written) for name, unit in units.items()}
+
+
+def _unit(name: str, unit: str, written: Mapping[str, tree.Item | tree.SweepSyntax]) -> tuple[str, Scale]:
+    """Return the unit that a quantity has in its own text, else in that of one from which it is computed."""
+    own = read_unit(Source("unit", unit))
+    named = _NAMES.findall(written[name].span.words) if name in written else []
+    for item in (written[n] for n in (name, *named) if n in written):
+        text = item.span.words if item.unit is None else f"1 [{item.unit.span.words}]"
+        value = getattr(written[name], "value", None)
+        reckoned = written[name].unit is None and not isinstance(value, tree.Literal | tree.Negative | None)
+        for _, words, scale in quantities_in(text):
+            if scale.dimension == own.dimension and not (reckoned and scale.offset):  # 30 degC - 20 degC are 10 K
+                return words, scale
+    return "" if unit == "1" else unit, own

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from io import BytesIO
 from typing import Any
 
+import numpy as np
+
 from compiler.api import Array, CompilationFailed, Scene
 
 from ...analysed_model import AnalysedModel
@@ -95,8 +97,6 @@ def result_html(result: Result) -> Html:
 
 def _curve(time: Array, values: Array) -> Html:
     """Return values over time as a small picture in the colour of the surrounding text."""
-    import numpy as np
-
     if len(time) < 2 or not time[-1] > time[0]:
         return Html("")
     instants = np.linspace(time[0], time[-1], POINTS)

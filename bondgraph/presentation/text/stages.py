@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from compiler.api import Compilation, Mechanism, MechanismNode, write_text
@@ -20,7 +21,6 @@ def stage_text(compilation: Compilation, stage: str) -> str:
 
 def _syntax(compilation: Compilation) -> Iterator[str]:
     """Yield the tree, one node per line."""
-    from dataclasses import fields, is_dataclass
 
     def walk(node: object, name: str, depth: int) -> Iterator[str]:
         pad = "  " * depth

@@ -16,7 +16,7 @@ from ..constraints.constraints import Constraints
 from ..initialization.assembly import choose_rows
 from ..initialization.consistent_start import consistent_start
 from ..segments.timeline import Segment, with_discrete_variables
-from ..segments.transition import PhaseTransition
+from ..segments.trajectory import PhaseTransition
 from ..segments.units import units_of
 from .complementarity import Companion, Instant
 from .events import Events

@@ -24,7 +24,7 @@ from ..constraints.constraints import Constraints
 from .initial_equations import DIFFERENCE, differences
 
 if TYPE_CHECKING:
-    from compiler.api import Array, IntArray, StateSpace
+    from compiler.api import IntArray, StateSpace
 
 INDEPENDENT = 1e-6  # least part of a unit derivative that is independent of earlier start values
 CLOSE = 1e-6  # relative error of a dependent coordinate, and difference of two poses that are one: start values have few digits

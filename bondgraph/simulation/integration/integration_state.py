@@ -26,9 +26,8 @@ from ..monitors.state_selection import Choice
 from ..monitors.step_failure import MOST_COMPILED, MOST_STEPS, failure, not_finite
 from ..monitors.step_size_diagnosis import growth_notes, is_usual, notes_of
 from ..monitors.validity import ValidityMonitor
-from ..segments.context import SegmentContext
 from ..segments.timeline import Segment, Signals, signals_on
-from ..segments.trajectory import Kept, Tolerances, Trajectory, empty
+from ..segments.trajectory import Kept, SegmentContext, Tolerances, Trajectory, empty
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 1e3  # a jump below that many times what the last places of time and states do is none

@@ -17,12 +17,11 @@ from compiler.api import Array, IntArray, Program, zeros_of
 
 from ...errors import RunFailed
 from ...numerics.scales import nonzero
-from ..integrators.compiled.plain import record_for
+from ..integrators.compiled.plain import Plain, record_for
 from ..integrators.linear_algebra.factors import Factors
 from ..integrators.loop_newton import LoopSystem
 
 if TYPE_CHECKING:
-    from ..integrators.compiled.plain import Plain
     from ..integrators.compiled.record_layout import RecordArray
     from .waves import OpenedLoops
 

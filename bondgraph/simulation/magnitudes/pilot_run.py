@@ -1,22 +1,26 @@
-"""Pilot run for magnitudes: implicit Euler over the whole time in about 60 steps; L-stable, so fast modes only follow."""
+"""Pilot run for magnitudes: implicit Euler over the whole time in about 60 steps; L-stable, so fast modes only follow.
+
+Its magnitudes are reliable up to a horizon: steps much longer than a period make them wrong.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from compiler.api import Array, Program
 
+from ...numerics.scales import largest_of_group
 from ..constraints.constraints import Constraints
 from ..integrators.compiled.pilot_run import CompiledPilotRun, CompiledPilotStep
 from ..integrators.compiled.selection_record import selection_record
 from ..integrators.linear_algebra.sparse import FINE
 from ..integrators.outcomes import CROSSED, REDUNDANT
 from ..integrators.pilot import schedule as pilot
-from ..integrators.pilot.schedule import Conditions, StepSchedule
+from ..integrators.pilot.schedule import Conditions, StepSchedule, unit_numbers
 from ..loops.loops import Eliminated, LoopSolver
 from ..monitors.state_selection import Choice
 from ..segments.timeline import Segment, always, follower, signals_on
@@ -29,6 +33,11 @@ STIFFER = 1e4  # ratio of rates to those at the start beyond which the free line
 SMALLEST_STEP = 1e-12  # fraction of the whole run: with shorter steps the pilot run ends
 LEFT = 1e-2  # relative to rounding levels: least absolute tolerance of what only rounding moves
 SMALLEST_ANGLE = 1e-12  # rad, and rad/s: smaller values that symmetry leaves are rounding
+ASTRAY = 1e3  # factor on the magnitudes of the beginning above which the run is suspect
+FAR = 2.0  # factor on steady growth up to which a part is accepted
+PARTS, SHORTER = 6, 0.1  # number of parts of the run examined then, and ratio of their lengths
+SLIGHT = 1e-4  # relative to the largest state of one unit: smaller magnitudes are ignored
+MOST_EXAMINED = 200  # most states for which parts of the run are examined
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,3 +248,50 @@ def _ends(pace: StepSchedule, follows: Callable[[float, float], bool]) -> bool:
     if pace.size > pace.smallest and not follows(pace.time, pace.stop):
         pace.size *= 0.75
     return True
+
+
+def trusted(
+    look_along: Callable[[Sequence[Segment]], PilotObserver], program: Program, stretches: Sequence[Segment], driven: bool
+) -> PilotObserver:  # fmt: skip
+    """Return a coarse run over the segments, or over their beginning only. `driven`: some input depends on time.
+
+    A motion without drive swings about as far as its forces take it at first, or grows gradually; then its tolerances grow with it. Where states
+    get much farther, they must do so proportionally on a tenth, a hundredth … of the run as well. The longest part that passes this test counts, or
+    the shortest that passes it on its own tenth, together with the magnitudes of the beginning.
+    """
+    looks = [look_along(stretches)]
+    found, first, beginning = looks[0].largest, stretches[0], looks[0].beginning
+    if driven or len(stretches) > 1 or len(found) > MOST_EXAMINED:
+        return looks[0]
+    if not goes_astray(program, found, beginning):
+        return looks[0]
+
+    def largest(part: int) -> Any:
+        while len(looks) <= part:
+            stop = first.start + (first.stop - first.start) * SHORTER ** len(looks)
+            looks.append(look_along((replace(first, stop=stop),)))
+        return looks[part].largest
+
+    def is_sound(part: int, most: int) -> bool:
+        shorter = range(1, most + 1)
+        return all(_follows_from(program, largest(part), largest(part + k), FAR * SHORTER**-k) for k in shorter)
+
+    parts = [(part, PARTS - 1) for part in range(PARTS)] + [(part, 1) for part in reversed(range(PARTS))]
+    sound = next((looks[part] for part, most in parts if is_sound(part, most)), looks[0])
+    return replace(sound, largest=np.maximum(sound.largest, beginning), sure=np.maximum(sound.sure, beginning))
+
+
+def goes_astray(program: Program, largest: Array, beginning: Array) -> Any:
+    """Return True where magnitudes, shape (…, n), are far above those of the beginning."""
+    return ~(largest <= ASTRAY * np.maximum(beginning, SLIGHT * _most_alike(program, beginning))).all(axis=-1)
+
+
+def _follows_from(program: Program, found: Array, before: Array, times: float) -> bool:
+    """Return True if magnitudes are at most `times` those of a part of the run."""
+    most = times * np.maximum(before, SLIGHT * _most_alike(program, before))
+    return bool((found <= np.where(most > 0, most, np.inf)).all())
+
+
+def _most_alike(program: Program, values: Array) -> Any:
+    """Return for every state and unknown the largest value of its unit."""
+    return largest_of_group(values, unit_numbers(program))

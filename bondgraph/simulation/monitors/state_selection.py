@@ -16,7 +16,7 @@ import numpy as np
 
 from compiler.api import Array, Program
 
-from ..segments.transition import PhaseTransition
+from ..segments.trajectory import PhaseTransition
 
 WORST = 1e3  # relative change of a dependent storage per relative change of a state, each relative to its peak
 

@@ -9,8 +9,7 @@ import numpy as np
 from compiler.api import Array, Program
 
 from ...errors import RateNotFinite, RunFailed, StepsCollapsed
-from ..segments.context import LastStep, SegmentContext
-from ..segments.trajectory import Tolerances
+from ..segments.trajectory import LastStep, SegmentContext, Tolerances
 from .step_size_diagnosis import advice, limiting_mode
 
 MOST_STEPS = 1_000_000  # most steps of one segment; a run that needs more is limited by an unusual cause

@@ -15,8 +15,8 @@ from compiler.api import Array
 
 from ...numerics.scales import largest_of_group
 from ..integrators.pilot.schedule import unit_numbers
-from ..segments.context import LastStep, SegmentContext
 from ..segments.timeline import Segment
+from ..segments.trajectory import LastStep, SegmentContext
 
 LARGEST = 200  # most states for which modes are computed
 MANY = 20_000  # steps of a segment from which on a run reports their cause

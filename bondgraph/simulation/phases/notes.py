@@ -1,4 +1,8 @@
-"""Notes of a phase, and doubts about its tolerances."""
+"""Notes of a phase, and doubts about its tolerances.
+
+Doubtful are also results that depend on unknowns of loops which their equations leave open in double precision, as voltages of diodes that
+block so well that no digit of a current shows them.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compiler.api import Array
+
+from ...numerics.scales import nonzero
 from ...results.records import ToleranceDoubt
+from ..loops.loops import LoopSolver
 from ..segments.trajectory import Trajectory
 from .failures import modes_in
 from .solution import PhaseSolution
@@ -19,6 +27,13 @@ if TYPE_CHECKING:
 
 TOO_LARGE = "too large for a double"  # of a cause: an overflow, whose sign is certain
 ROUNDED = 3.0  # tolerances of rounding in a step from which a run warns
+FEW = 16  # instants that are looked at, at least
+MANY = 40  # unknowns of which matrices are still cheap
+SHARE = 1e-3  # of the largest value of an unknown: a change that its equations must show
+TRIES = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25)  # parts of it: rounding has the right sign for all of them hardly ever
+FAINT = 1e-12  # of the largest terms of the equations: a smaller change may be below rounding
+SHOWN = 0.5  # of what the slopes promise: less, or none, or the other sign, is rounding
+MOVED = 1e-2  # of that change: an output that moves by more of its size depends on the unknown
 MISSED = 30.0  # tolerances by which rates that a step has missed would move a state, from which a run warns
 
 
@@ -81,11 +96,80 @@ def phase_doubts(
         )
         doubts.append(ToleranceDoubt(float(solution.instants[0]), "", "missed rates", text, (), ""))
     if solution.constraints.program.unknowns.names:
-        from .open_loops import doubts_on_open_loops
-
         doubts += doubts_on_open_loops(solution)
     if solution.constraints and len(trajectory.states):
         from ..constraints.singular import doubts_of
 
         doubts += doubts_of(trajectory.poses)
     return tuple(doubts)
+
+
+def doubts_on_open_loops(solution: PhaseSolution) -> tuple[ToleranceDoubt, ...]:
+    """Return a warning on outputs, and states by their rates, that move with unknowns while the equations of these do not show it."""
+    program, constraints = solution.constraints.program, solution.constraints
+    states = solution.trajectory.states
+    if not len(states) or not 0 < len(program.unknowns.names) <= MANY or np.ndim(constraints.inputs) > 1:
+        return ()
+    loops = constraints.loops()
+    if loops.affine:
+        return ()
+    segments, chosen = solution.segments, np.arange(0, len(states), max(1, len(states) // FEW))
+    which = np.searchsorted([s.stop for s in segments[:-1]], solution.instants[chosen], side="right").tolist()
+    keys = [segments[w].mode.tobytes() for w in which]
+    size = nonzero(np.abs(states).max(axis=0))
+    names, since = set[str](), np.inf
+    for key in dict.fromkeys(keys):
+        rows = chosen[[k == key for k in keys]]
+        mode = segments[which[keys.index(key)]].mode
+        for row, move in _open_moves(loops, solution.instants[rows], states[rows], mode, size[loops.count :]):
+            moved = _moved_names(solution, float(solution.instants[rows[row]]), states[rows[row]], move, mode, size)
+            since = min(since, float(solution.instants[rows[row]])) if moved else since
+            names |= moved
+    if not names:
+        return ()
+    listed = ", ".join(f"`{n}`" for n in sorted(names))
+    text = (
+        f"at t = {since:.9g} s the equations do not determine {listed} in double precision, as where diodes block: other values solve them to rounding too; "
+        "a resistance beside what blocks, as its leak, decides them"
+    )
+    return (ToleranceDoubt(since, "", "loops open to rounding", text, (), ""),)
+
+
+def _open_moves(loops: LoopSolver, times: Array, states: Array, mode: Array, size: Array) -> list[tuple[int, Array]]:
+    """Return moves of the unknowns, each with the row of its instant, of which the equations do not show what their slopes promise."""
+    count = loops.count
+    matrices = loops.matrix(times, states, mode, states[:, count:])
+    terms = nonzero((np.abs(matrices) @ size).max(axis=0))
+    scaled = matrices * size / terms[:, None]
+    if not np.isfinite(scaled).all():
+        return []
+    try:
+        largest = np.abs(np.linalg.inv(scaled)).max(axis=(1, 2))
+    except np.linalg.LinAlgError:  # one of them has no inverse
+        largest = np.full(len(times), np.inf)
+    found = []
+    for row in np.flatnonzero(FAINT * len(terms) * largest >= SHARE).tolist():
+        into, values, along = np.linalg.svd(scaled[row])
+        for k in np.flatnonzero(SHARE * values <= FAINT).tolist():
+            share = SHARE / np.abs(along[k]).max()
+            move, z = share * size * along[k], states[row, count:]
+            tried = z + np.array((0.0, *TRIES))[:, None] * move
+            changes = loops.residual(times[row], states[row], mode, tried) / terms
+            shown = (changes[1:] - changes[0]) @ into[:, k] / np.array(TRIES)
+            if not (shown > 0).all() or shown.max() < SHOWN * share * values[k]:
+                found.append((row, move))
+    return found
+
+
+def _moved_names(solution: PhaseSolution, time: float, state: Array, move: Array, mode: Array, size: Array) -> set[str]:
+    """Return the outputs, and the states by their rates, that a move of the unknowns changes."""
+    program, constraints, count = solution.constraints.program, solution.constraints, len(state) - len(move)
+    pair = np.stack([state, np.concatenate([state[:count], state[count:] + move])])
+    times = np.full(2, time)
+    outputs = solution.output(times, pair, mode)
+    rates = program.derivative(times, pair, constraints.inputs, constraints.constants, mode)[:, :count]
+    span = solution.instants[-1] - solution.instants[0]
+    least = MOVED * SHARE
+    moved = np.abs(outputs[1] - outputs[0]) > least * np.abs(outputs).max(axis=0)
+    steered = span * np.abs(rates[1] - rates[0]) > least * size[:count]
+    return {n for n, m in zip((*program.outputs.names, *program.states.names), (*moved, *steered), strict=True) if m}

@@ -13,7 +13,7 @@ from ...errors import RunFailed
 from ..constraints.constraints import Constraints
 from ..initialization.consistent_start import consistent_start
 from ..segments.timeline import Segment
-from ..segments.transition import PhaseTransition
+from ..segments.trajectory import PhaseTransition
 from ..segments.units import refuse_units
 
 if TYPE_CHECKING:

@@ -1,17 +1,43 @@
-"""Input and output of an integrator: tolerances, checkpoints and the trajectory."""
+"""Input and output of an integrator: its unchanging data, tolerances, checkpoints, the trajectory, and the transition to another program."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from compiler.api import SOLVERS, Array, Program
 
 from .timeline import Segment
-from .transition import PhaseTransition
+
+if TYPE_CHECKING:
+    from ...results.checkpoint import DelayHistory
+    from .units import CoSimulatedUnits
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseTransition:
+    """The instant, all stored quantities, and the reason, from which another program can go on.
+
+    Either two storages are exchanged, or junctions switch, or the run ended there and is to be resumed.
+    """
+
+    time: float
+    stored: Mapping[str, float]  # by name: states and dependent storages
+    peaks: Mapping[str, float]  # their largest values so far
+    dependent: str = ""  # the element that was in derivative form
+    state: str = ""  # the element that was a state
+    off: tuple[str, ...] | None = None  # the junctions that are off from now on; None: as before
+    modes: Mapping[str, float] = field(default_factory=dict)  # by name: discrete variables that only events change
+    on: Mapping[tuple[str, int], bool] = field(default_factory=dict)  # truth of the events' conditions
+    past: DelayHistory | None = None  # history of delayed signals
+    magnitudes: Mapping[str, float] = field(default_factory=dict)  # magnitudes of states and unknowns
+    guessed: frozenset[str] = frozenset()  # those of states that nothing has moved
+    unknowns: Mapping[str, float] = field(default_factory=dict)  # unknowns of loops
+    units: CoSimulatedUnits | None = None  # imported ones, within a run
+    left: tuple[Any, Any] | None = None  # the events that switched junctions, and the hybrid state before them
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,3 +142,35 @@ class Trajectory:
 def empty(program: Program, instants: Array) -> Trajectory:
     """Return a trajectory in which no instant has been reached yet."""
     return Trajectory(np.empty((len(instants), len(program.states.names) + len(program.unknowns.names))))
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentContext:
+    """A program with the constants (…,), inputs (…,) and reported instants (points,) of a phase, and its tolerances, in SI."""
+
+    program: Program
+    constants: Any
+    inputs: Any
+    instants: Any
+    tolerances: Tolerances
+
+    @property
+    def whole(self) -> float:
+        """Length of the phase, s."""
+        return float(self.instants[-1] - self.instants[0])
+
+
+class LastStep(Protocol):
+    """Data of a method's last step that diagnoses read: scaled states (n,), and errors in units of the tolerance (n,)."""
+
+    @property
+    def time(self) -> Any: ...
+
+    @property
+    def state(self) -> Any: ...
+
+    @property
+    def error(self) -> Any: ...
+
+    @property
+    def last_step(self) -> tuple[Any, Any]: ...

@@ -36,6 +36,14 @@ static inline double least(double a, double b) { return a <= b || a != a ? a : b
 static inline double greatest(double a, double b) { return a >= b || a != a ? a : b; }
 static inline double sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x == 0 ? 0.0 : x; }
 """
+_WORDS = {"double": "float", "<math.h>": "<tgmath.h>"}
+# A number below the second would be zero: what guards a divisor becomes the smallest normal one.
+SMALLEST, VANISHING = "1.17549435e-38", 1.4e-45
+# texts and comments stay; then the words and numbers that change
+_TOKENS = re.compile(
+    r'"(?:\\.|[^"\\])*"|/\*.*?\*/|\bdouble\b|<math\.h>|(?<![\w.])(?:\d+\.\d*(?:e[-+]?\d+)?|\d+e[-+]?\d+)(?![\w.])',
+    re.DOTALL,
+)
 
 
 def write_c(lowered: Lowered, jumps: Sequence[str] = ()) -> str:
@@ -279,3 +287,17 @@ def c_string(text: str) -> str:
 def _comment(text: str) -> str:
     """A text that cannot end the comment around it."""
     return printable(text).replace("*/", "* /").replace("/*", "/ *")
+
+
+def in_single_precision(text: str) -> str:
+    """Return the same file for single precision. Functions of <tgmath.h> are those of their arguments."""
+    return _TOKENS.sub(_changed, text)
+
+
+def _changed(match: re.Match[str]) -> str:
+    word = match[0]
+    if word[0] in '"/':
+        return word
+    if word in _WORDS:
+        return _WORDS[word]
+    return f"{SMALLEST if 0 < float(word) < VANISHING else word}f"

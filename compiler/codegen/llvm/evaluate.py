@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ...jit.machine import MachineCode, address_of
-from ..program import HybridNote
-from ..program_image import KernelRows
+from ..program import HybridNote, Native, Program
+from ..program_image import KernelRows, ProgramImage, program_of
 
 ROLES = ("time", "state", "inputs", "constants", "mode")
 _POINTER = ctypes.c_void_p
@@ -177,3 +177,18 @@ def _batch(address: int, many: Any, arrays: list[Any], size: int) -> Any:
     out = np.empty((*shape, size))
     many(address, prod(shape), _arrays(*map(address_of, flat), address_of(out), *strides, size))
     return out
+
+
+def bind(image: ProgramImage, codes: Sequence[bytes]) -> Program:
+    """Program from its data and object code."""
+    machine = MachineCode(*codes)
+    for rows in image.rows:
+        hand_over(machine, rows)
+    native = Native(machine.addresses(name for name, _, _ in image.functions), machine)
+    found = functions(image.functions, native.addresses, machine)
+    count = len(image.names["STATES"].names) + len(image.names["UNKNOWNS"].names)
+    pattern = tuple(np.array(part, dtype=int) for part in image.pattern)
+    found["jacobian"] = dense(found["jacobian_entries"], pattern, count)
+    if image.hybrid is not None:
+        found["mode_at"] = mode_at(image.hybrid, found)
+    return program_of(image, found, native)

@@ -12,7 +12,7 @@ from ..c.write import write_c
 from ..common_factors import with_shared_products
 from ..errors import NoSteps, NumpyAlone
 from ..lower import lower
-from .target import TextTarget
+from .targets import TextTarget
 
 
 def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:

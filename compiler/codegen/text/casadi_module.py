@@ -19,7 +19,7 @@ from ..symbolic.formulate import formulate
 from ..symbolic.python_text import PythonPrinter, function_names, lines_text, needed_lines, results_of, targets_of
 from ..symbolic.state_equations import Entry, NamedSymbol, StateEquations
 from .c_file import refuse_hybrid
-from .target import TextTarget
+from .targets import TextTarget
 
 OTHER_NAMES = {"abs": "ca.fabs", "min": "ca.fmin", "max": "ca.fmax", "root": "_root"}
 OWN = tuple("derivative residual jacobian outputs start dae arguments ca jax jnp t x z p u".split())  # noqa: SIM905

@@ -18,7 +18,7 @@ from ..symbolic.formulate import formulate
 from ..symbolic.python_text import PythonPrinter, cited, function_names, needed_lines, results_of, targets_of
 from ..symbolic.state_equations import Entry, Line, LinearSystem, NamedSymbol, StateEquations
 from .c_file import refuse_hybrid
-from .target import TextTarget
+from .targets import TextTarget
 
 KNOWN = frozenset({"sin", "cos", "exp", "log", "log10", "sqrt", "sinh", "cosh", "tanh", "abs", "min", "max"})
 OTHERS = {"asinh": "arcsinh", "acosh": "arccosh"}

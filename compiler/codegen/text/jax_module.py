@@ -11,7 +11,7 @@ from ...reduction import StateSpace
 from ..symbolic.python_text import lines_text, needed_lines
 from ..symbolic.state_equations import Entry
 from .casadi_module import ArrayPrinter, FunctionModule, differentiable
-from .target import TextTarget
+from .targets import TextTarget
 
 SOLVE = '''def _solve(rows, right):
     """Solution of a linear system."""

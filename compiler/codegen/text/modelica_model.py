@@ -22,7 +22,7 @@ from ..numpy.names import Identifiers
 from ..symbolic.formulate import formulate
 from ..symbolic.python_text import PythonPrinter, cited, function_names, needed_lines, results_of, targets_of
 from ..symbolic.state_equations import EventEquations, LinearSystem, NamedSymbol, SolvedEquation, StateEquations
-from .target import TextTarget
+from .targets import TextTarget
 
 KNOWN = frozenset((
     "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt", "abs", "sign", "min", "max",

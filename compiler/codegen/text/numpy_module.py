@@ -25,7 +25,7 @@ from ..symbolic.python_text import (
     targets_of,
 )
 from ..symbolic.state_equations import Entry, Line, NamedSymbol, Partials, StateEquations
-from .target import TextTarget
+from .targets import TextTarget
 
 OWN = (
     "constants", "start", "derivative", "jacobian", "outputs", "equations", "partials", "unknowns", "inputs", "indicators", "holds",

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
 from ...errors import CompilationFailed
+from ...fast_dataclass import dataclass
 from ...reduction import StateSpace
 from ..errors import UnitInText
-from .target import TextTarget
+
+
+@dataclass(frozen=True, slots=True)
+class TextTarget:
+    """A target: its name, the ending of its files, and its writer, from a state space and the author's descriptions of quantities.
+
+    Of several targets with one ending, the `usual` one is written where none is named.
+    """
+
+    name: str
+    ending: str
+    write: Callable[[StateSpace, Mapping[str, str]], str]
+    usual: bool = True
 
 
 @cache

@@ -1,11 +1,16 @@
-"""Reading of the analysis steps, and of the names in them. A step without names of its own is its row of `steps.py`."""
+"""Reading of the analysis steps, and of the names in them. A step without names of its own is its row of `steps.py`.
+
+Files of measurements for `fit` are in the project folder. Their headings are quantities of the model with units.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from ...errors import CompilationFailed
 from ...graph.network import Named
 from ...graph.units import ONE, SECOND, Dimension
 from ...scene import (
@@ -19,17 +24,29 @@ from ...scene import (
     Study,
     TargetValue,
 )
-from ...syntax import tree
+from ...source import Source, Span
+from ...syntax import parse_expression, tree
 from ...syntax.blocks import nodes_in
+from ..expressions.tables import heading, locate
+from ..names.column_file import read_sheet
 from ..names.domain_table import paths_of
-from ..names.errors import DimensionMismatch, NotStatic, UnknownAttribute, UnknownName, WrongExperiment, WrongType
+from ..names.errors import (
+    DimensionMismatch,
+    NotStatic,
+    UnknownAttribute,
+    UnknownName,
+    WrongColumn,
+    WrongExperiment,
+    WrongType,
+)
 from ..names.scope import STATIC_ROLES, Scalar, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion, wrong_unit
 from ..network.elaborate import Elaborator
-from .distributions import read_montecarlo
-from .measurements import read_headings
 from .step_attributes import each, number, read_attributes, refuse_twice, settable, together, word
-from .studies import read_response
+from .studies import read_montecarlo, read_response
+
+_OF_MODES = re.compile(r"(frequency|damping) [1-9][0-9]*")
+_SIGMA = "sigma "
 
 
 def read_analysis(elaborator: Elaborator, step: tree.Analysis, root: Scope, outputs: Mapping[str, Named]) -> Analysis:
@@ -263,3 +280,62 @@ def _unknown(
         what = f"A logarithmic scale has no bounds below zero, and `{name}` has one"
         raise Wrong(WrongExperiment(given.range.span, what, "Leave out the `scale`, or raise the bound."))
     return BoundedParameter(name, low, high, scale)
+
+
+def read_headings(
+    elaborator: Elaborator, text: tree.TextSyntax, root: Scope, sought: set[str]
+) -> tuple[str, tuple[str, ...]]:
+    """Return the file name as written and the names of the measured quantities.
+
+    Raises `Wrong` or `AlreadyTold` unless the model has every quantity of the headings, in such units.
+    """
+    path = locate(text.span, text.value, root.definition.file)
+    sheet = read_sheet(text.span, text.value, path)
+    columns = zip(sheet.names, sheet.headers, strict=True)
+    found = together(elaborator, *(partial(_column, elaborator, text, root, sought, column) for column in columns))
+    measured = tuple(name for name in found if name)
+    if not measured:
+        hint = "A column of an output, or of `frequency 1 [Hz]`, says what was found."
+        raise Wrong(WrongColumn(text.span, f"Nothing is measured in {text.value}", hint))
+    return text.value, measured
+
+
+def _column(
+    elaborator: Elaborator, text: tree.TextSyntax, root: Scope, sought: set[str], head: tuple[str, Span]
+) -> str:
+    """Name of the measured quantity in a column; "" for a column of anything else. Raises `Wrong`."""
+    written, place = head
+    name, scale = heading(text, written, place)
+    bare = name.removeprefix(_SIGMA)
+    wanted, is_set = _kind(elaborator, text, root, bare, place)
+    if is_set and bare in sought:
+        hint = "What is looked for has one value for all lines."
+        what = f"`{bare}` is looked for, and set line by line"
+        raise Wrong(WrongColumn(text.span, what, hint, ((place, "this header"),)))
+    found, named = ONE if scale is None else scale.dimension, elaborator.quantities.get(bare)
+    if named is not None and named.counted and "[" not in written:
+        what = f"`{bare}` is in {named.counted}, but {text.value} has it without a unit"
+        hint = f"Write `{bare} [{named.counted}]`, or `{bare} [1]` for bare numbers."
+        raise Wrong(WrongColumn(text.span, what, hint, ((place, "this header"),)))
+    if found != wanted:
+        what = f"`{bare}` is {describe(wanted)}, but {text.value} has it {'without a unit' if scale is None else describe(found)}"
+        raise Wrong(WrongColumn(text.span, what, "Headings are names with units: `x [um]`.", ((place, "this header"),)))
+    return "" if is_set or name != bare or bare == "time" else bare
+
+
+def _kind(elaborator: Elaborator, text: tree.TextSyntax, root: Scope, name: str, place: Span) -> tuple[Dimension, bool]:
+    """Dimension of the quantity in a heading, and True if the person who measures sets it."""
+    if name == "time":
+        return (ONE if root.plain else SECOND), False
+    if _OF_MODES.fullmatch(name):
+        return (ONE if name.startswith("damping") or root.plain else ONE / SECOND), False
+    try:
+        path = parse_expression(Source(text.value, name))
+        scalar = elaborator.lookup(path, root) if isinstance(path, tree.PathSyntax) else None
+    except (CompilationFailed, Wrong):
+        scalar = None
+    if not isinstance(scalar, Scalar):
+        what = f"`{name}` in {text.value} is nothing that the model has"
+        hint = "A heading is `time [s]`, `frequency 1 [Hz]`, a quantity of the model, or `sigma` before one of these."
+        raise Wrong(WrongColumn(text.span, what, hint, ((place, "this header"),)))
+    return scalar.dimension or ONE, scalar.role in ("parameter", "input")

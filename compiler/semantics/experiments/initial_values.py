@@ -22,8 +22,7 @@ from ..names.errors import WrongExperiment
 from ..names.scope import Items, Scalar, Scope
 from ..names.statement_errors import Wrong
 from ..network.elaborate import Elaborator
-from ..network.events import storage_advice
-from ..network.values import read_value, read_values
+from ..network.events import read_value, read_values, storage_advice
 
 Given = tuple[str, Bound]
 Part = TypeVar("Part", Body, Frame, Joint)

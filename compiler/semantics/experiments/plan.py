@@ -27,9 +27,8 @@ from ..names.statement_errors import AlreadyTold, Wrong, describe, suggestion
 from ..network.elaborate import Elaborator
 from ..resolution.cycles import counts_angle, in_cycles, refuse_rates_of_angles
 from .analyses import read_analysis
-from .distributions import check_together
 from .step_attributes import number
-from .studies import read_sweep
+from .studies import check_together, read_sweep
 
 SETTINGS = ("rtol", "atol", "accuracy", "points")
 

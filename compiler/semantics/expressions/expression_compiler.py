@@ -32,9 +32,8 @@ from ..names.errors import (
 from ..names.scope import Scope, TextValue
 from ..names.statement_errors import Wrong, describe, reading_of, suggestion
 from . import tables
-from .functions import FUNCTIONS
+from .functions import FUNCTIONS, may_read
 from .lists import each, item_of, parts_of, place_in, product, rows_of, selected, shape_of, shaped, sort_of, total
-from .own_functions import may_read
 from .rates import own_rates, rates_in
 from .scales import bare, is_absolute, is_decibel, scale_of
 from .template import (

@@ -1,9 +1,9 @@
-"""Functions of the language: number of arguments, their units, and the expression that each becomes."""
+"""Functions of the language: number of arguments, their units, and the expression that each becomes. And checks of those that a model defines."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 
 from ...algebra.expression import ONE as NUMBER_ONE
@@ -11,13 +11,15 @@ from ...algebra.expression import ZERO, Expression, call, divide, multiply, sele
 from ...algebra.operators import OPERATORS
 from ...graph.units import ONE, Dimension
 from ...syntax import tree
-from ..names.errors import DimensionMismatch
+from ..names.errors import DimensionMismatch, DuplicateName, ReservedName
+from ..names.scope import RESERVED, Array, Entry, Pending, Scalar, Scope, functions_in
 from ..names.statement_errors import Wrong, describe
 from .scales import check_cycles
 from .template import Typed, Value, common_dimension
 
 # name -> (number of arguments, usage, builder)
 Builder = Callable[[tree.Call, list[Typed]], Value]
+READABLE = ("parameter", "constant")
 
 
 def _pure(operator: str) -> Builder:
@@ -167,3 +169,27 @@ FUNCTIONS: dict[str, tuple[int, str, Builder]] = {
     "chirp": (4, "chirp(time, 1 Hz, 20 Hz, 10 s)", _chirp),
     "polar": (2, "polar(radius, angle)", _polar),
 }
+
+
+def check_function(scope: Scope, function: tree.FunctionSyntax, block: Iterable[tree.SyntaxNode]) -> None:
+    """Check that a function of a model, or of a `for` in it, has a name that is used nowhere else. Raises `Wrong`."""
+    if function.name in RESERVED:
+        raise Wrong(ReservedName(function.span, function.name))
+    around = scope.outer.function(function.name) if scope.outer is not None else None
+    other = functions_in(block)[function.name] if around is None else around[0]
+    other = scope.definition.file.functions.get(function.name, other)
+    if other is not function:
+        raise Wrong(DuplicateName(function.span, function.name, other.span))
+    before = scope.find(function.name)
+    if before is not None:
+        first = before.item.span if isinstance(before, Pending) else getattr(before, "span", function.span)
+        raise Wrong(DuplicateName(function.span, function.name, first))
+
+
+def may_read(entry: Entry | None) -> bool:
+    """Return True if a function of the model may read this entry: a parameter, a constant, an index of a `for`, or an array of them."""
+    if isinstance(entry, Array):
+        return all(may_read(item) for item in entry.items.values())
+    if isinstance(entry, Scalar):
+        return entry.role == "index"
+    return isinstance(entry, Pending) and entry.role in READABLE

@@ -12,11 +12,31 @@ from ...syntax.outline import Outline
 from .compound_units import with_compound_units
 from .domain_table import ELEMENT_KINDS
 from .errors import Cycle, DuplicateName, ReservedName, TooMany, TooManyMistakes, WrongImport
-from .project_folder import is_there, project_folder, within_project
 from .scope import RESERVED, FileScope, ModelDefinition, SetDefinition
 from .statement_errors import MAXIMUM_MISTAKES, NotImportable, Wrong, suggestion
 
 MAXIMUM_FILES = 500
+
+
+def project_folder(file: Path) -> Path:
+    """The nearest ancestor with a `bondgraph.toml` or `pyproject.toml`; else the file's own folder."""
+    for folder in file.resolve().parents:
+        if (folder / "bondgraph.toml").is_file() or (folder / "pyproject.toml").is_file():
+            return folder
+    return file.resolve().parent
+
+
+def within_project(target: Path, root: Path, library: Path | None) -> bool:
+    """Return True if a file, with links resolved, lies in the project folder or in the library."""
+    return target.is_relative_to(root) or (library is not None and target.is_relative_to(library.resolve()))
+
+
+def is_there(target: Path) -> bool:
+    """Return True if a file can be read there; False for names that the file system cannot hold."""
+    try:
+        return target.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 class Loader:
@@ -133,7 +153,7 @@ class Loader:
             loaded = FileScope(text, importer.root, self.library)
             return self._declare(loaded, parse(text), chain)
         if target.suffix == SYSTEM:
-            from .system_file import read_system
+            from .unit_file import read_system
 
             text, units = read_system(target, name)
             loaded = FileScope(text, importer.root, self.library)

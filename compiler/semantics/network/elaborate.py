@@ -13,7 +13,7 @@ from ...scene import Override
 from ...source import Span
 from ...syntax import tree
 from ...syntax.blocks import flat
-from ..expressions.own_functions import check_function
+from ..expressions.functions import check_function
 from ..mechanisms.blocks import declare_mechanism
 from ..names.domain_table import ELEMENT_KINDS, element_ports, junction_width, lone_multibond, wall_components
 from ..names.errors import AbsentName, Cycle, DuplicateName, TooMany, UnknownAttribute, UnknownKind, WrongType

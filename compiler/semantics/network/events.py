@@ -1,22 +1,41 @@
-"""`when CONDITION { … }` and `every PERIOD { … }`: conditions of each instance, and the assignments at an event."""
+"""`when CONDITION { … }`, `every PERIOD { … }` and `require CONDITION "text"`: conditions of each instance, and the assignments at an event.
+
+A value that an event, a start or a sampling sets is of the unit and kind of its target.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
 
-from ...algebra.expression import ZERO, Number
-from ...algebra.formula import Bound, Formula
+from ...algebra.expression import ONE as TRUE
+from ...algebra.expression import ZERO, Expression, Number, call, select
+from ...algebra.formula import Bound, Formula, bind
 from ...graph.domains import DOMAINS
-from ...graph.network import Action, Element, Event, Node, Quantity, Reading, Sampling
+from ...graph.network import (
+    Action,
+    Element,
+    Event,
+    Named,
+    Node,
+    Quantity,
+    Reading,
+    Requirement,
+    Sampling,
+    behind,
+    quantities_in,
+)
 from ...graph.units import ONE, SECOND
 from ...syntax import tree
+from ..expressions.lists import fitted, parts_of, shape_of, shaped, sort_of
+from ..expressions.template import Typed
 from ..names.errors import LateStorage, SamplingOutOfRange, WrongEvent, WrongExperiment, WrongSampling, WrongType
-from ..names.scope import Items, Scalar, Scope
-from ..names.statement_errors import Wrong
+from ..names.scope import STATIC_ROLES, Items, Scalar, Scope
+from ..names.statement_errors import Wrong, suggestion, wrong_unit
 from ..resolution.conditions import known_or_later, rising
 from ..resolution.resolver import read_condition
 from .elaborate import Elaborator
-from .values import read_value, read_values
 
 LARGEST_SEED = 2.0**31
 RANGES = {
@@ -27,6 +46,7 @@ RANGES = {
 }
 
 STORED_BY = {"q": "qe", "p": "pf"}  # stored quantity -> variables that determine it
+MAXIMUM_READINGS = 6  # values that a warning shows
 
 
 def read_events(elaborator: Elaborator, nodes: Sequence[Node]) -> tuple[Event, ...]:
@@ -202,3 +222,86 @@ def _check_range(elaborator: Elaborator, event: tree.EventSyntax, bounds: dict[s
         raise Wrong(
             SamplingOutOfRange(spans["seed"], f"The seed is {seed:g}", "It is a whole number from 0 to 2^31 - 1.")
         )
+
+
+def _in_numbers(value: tree.ExpressionSyntax, choices: tuple[str, ...]) -> tree.ExpressionSyntax:
+    """A value of a mode that is one of several words, with numbers for these. Raises `Wrong`."""
+    if isinstance(value, tree.ChoiceSyntax):
+        first, other = (_in_numbers(v, choices) for v in (value.value, value.otherwise))
+        return replace(value, value=first, otherwise=other)
+    word = value.words if isinstance(value, tree.PathSyntax) else ""
+    if word not in choices:
+        hint = suggestion(word, choices, f"It can be: {', '.join(choices)}.")
+        raise Wrong(WrongType(value.span, f"One of {', '.join(choices)}", f"`{value.span.words}`", hint))
+    return tree.Literal(value.span, 1, Fraction(1 + choices.index(word)), None)
+
+
+def read_value(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, target: Scalar, what: str, static: bool = False
+) -> Bound:
+    """New value of a target: for a mode that is a truth a condition (1 or 0), else a number of its unit. Raises `Wrong`."""
+    (bound,) = read_values(elaborator, value, scope, target, what, static)
+    return bound
+
+
+def read_values(
+    elaborator: Elaborator, value: tree.ExpressionSyntax, scope: Scope, found: Scalar | Items, what: str, static: bool = False
+) -> list[Bound]:  # fmt: skip
+    """New values of the items of a list or matrix, or of a single target. Raises `Wrong`."""
+    targets = found.items if isinstance(found, Items) else (found,)
+    words = found.choices if isinstance(found, Scalar) else ()
+    template = elaborator.template(_in_numbers(value, words) if words else value, scope)
+    parts = parts_of(template.value)
+    alike = shaped(parts[:1] * len(targets), found.columns) if isinstance(found, Items) else parts[0]
+    if shape_of(fitted(template.value, alike)) != shape_of(alike):
+        raise Wrong(WrongType(value.span, sort_of(alike).capitalize(), sort_of(template.value)))
+    for target, typed in zip(targets, parts, strict=True):
+        _check_kind(value, scope, target, typed, what)
+    if static:
+        elaborator.require_static(template, scope, what)
+    numbers = (
+        Formula(len(template.slots), select(t.expression, TRUE, ZERO)) if t.truth else f
+        for t, f in zip(parts, template.formulas, strict=True)
+    )
+    return [elaborator.bind(template, formula, scope) for formula in numbers]
+
+
+def _check_kind(value: tree.ExpressionSyntax, scope: Scope, target: Scalar, typed: Typed, what: str) -> None:
+    """Raise `Wrong` for a condition in place of a number, or a wrong unit."""
+    if target.truth != typed.truth:
+        kinds = ("A condition", "a number") if target.truth else ("A number", "a condition")
+        example = "true" if target.truth else "1 if c else 0"
+        raise Wrong(WrongType(value.span, kinds[0], kinds[1], f"{what} is {kinds[0].lower()}: `… = {example}`."))
+    wanted = target.dimension or ONE
+    if not scope.plain and typed.dimension not in (None, wanted):
+        raise wrong_unit(what, wanted, value, typed.dimension)
+
+
+def read_requirements(elaborator: Elaborator) -> tuple[Requirement, ...]:
+    """Conditions of all instances, and limits of joints. Errors are collected."""
+    found = [
+        elaborator.guard(_requirement, elaborator, scope, statement) for scope, statement in elaborator.requirements
+    ]
+    return (*(item for item in found if item is not None), *elaborator.limits)
+
+
+def parameter_checks(elaborator: Elaborator, quantities: Mapping[str, Named]) -> Iterator[Requirement]:
+    """Yield what a program for all values must find of its parameters before it begins."""
+    conditions: dict[str, Expression] = {}
+    for words, bound in elaborator.positive:
+        if any(quantities[name].role == "parameter" for name in behind(quantities_in(bound), quantities)):
+            conditions[words] = select(call("less_equal", ZERO, bound.expression), conditions.get(words, TRUE), ZERO)
+    span = elaborator.root.definition.model.name_span
+    for words, condition in conditions.items():
+        yield Requirement("", bind(condition), words, "", (), span, None, True)
+
+
+def _requirement(elaborator: Elaborator, scope: Scope, statement: tree.RequirementSyntax) -> Requirement:
+    hint = 'Compare it with something: `require x < 1 mm "small"`.'
+    template, condition = read_condition(elaborator, statement.condition, scope, hint)
+    read = [(slot.words, elaborator.scalar_at(slot, scope)) for slot in template.slots]
+    moving = [(words, scalar) for words, scalar in read if scalar.role not in STATIC_ROLES] or read
+    readings = tuple((words, s.reference, str(s.dimension or ONE)) for words, s in moving[:MAXIMUM_READINGS])
+    words = " ".join(statement.condition.span.text.split())
+    name, stands = scope.path.removesuffix("."), scope.base().stands
+    return Requirement(name, condition, words, statement.text, readings, statement.span, stands)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import lru_cache
 
+from ...algebra.affine import affine_parts
 from ...algebra.expression import ZERO, Expression, Symbol, add, divide, multiply, substitute, symbols
 from ...algebra.odd_roots import with_odd_roots, with_sides
 from ...graph.domains import Domain, components_of, multibond_of
@@ -284,8 +285,6 @@ class _LawReader:
                     raise self._wrong(what, hint)
 
     def _check_transducer(self, equation: tuple[Expression, Expression]) -> None:
-        from ...algebra.affine import affine_parts
-
         name, used = self.name, _own(equation[0]) | _own(equation[1])
         pairs = {
             "TF": ({PortVariable(0, "e"), PortVariable(1, "e")}, {PortVariable(0, "f"), PortVariable(1, "f")}),

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 from ...algebra.expression import ZERO, Symbol
 from ...algebra.formula import Bound, bind
+from ...errors import Diagnostic
 from ...graph.domains import components_of
-from ...graph.elements import ELEMENTS, Kind
+from ...graph.elements import ELEMENTS, TRANSDUCERS, Kind
 from ...graph.network import (
     Bond,
     BondEnd,
+    BondGraph,
     Element,
     Integral,
     Junction,
@@ -22,12 +24,13 @@ from ...graph.network import (
     Reading,
     Switch,
 )
+from ...source import Span
 from ...syntax import tree
 from ..expressions.template import CompiledLaw
 from ..mechanisms.blocks import build_mechanism
 from ..mechanisms.part_attributes import counted, of_dimension, static
 from ..names.domain_table import junction_width
-from ..names.errors import UnknownAttribute, WrongLaw, WrongMechanism, WrongValue
+from ..names.errors import UnknownAttribute, WrongConnection, WrongLaw, WrongMechanism, WrongValue
 from ..names.scope import ElementEntry, Scope
 from ..names.statement_errors import AlreadyTold, Wrong, suggestion
 from ..resolution.cycles import refuse_frequencies
@@ -36,7 +39,7 @@ from ..resolution.resolver import read_condition
 from .connect import Connector
 from .elaborate import Elaborator
 from .laws import compile_law
-from .transducers import expand_transducers
+from .transducers import expand_transducers, has_many_ports
 
 MOST_NAMES = 12  # that a message lists
 
@@ -295,3 +298,34 @@ def _placeholder(entry: ElementEntry) -> Node:
     ports = tuple(Port(n, d.name) for n, d in entry.ports.items())
     kind = ELEMENTS[entry.kind].node
     return Element(entry.name, kind, False, ports, Law((), None, 0), (), (), {}, {}, None, None, "", entry.span)
+
+
+def unconnected(graph: BondGraph) -> list[Diagnostic]:
+    """Check that every port of an element has exactly one bond and every junction at least one."""
+    bonds: dict[BondEnd, list[Span]] = {}
+    for bond in graph.bonds:
+        for end in (bond.tail, bond.head):
+            bonds.setdefault(end, []).append(bond.span)
+    result: list[Diagnostic] = []
+    for number, node in enumerate(graph.nodes):
+        if isinstance(node, Junction):
+            if BondEnd(number, 0) not in bonds:
+                what = f"No bond reaches the junction `{node.name}`"
+                result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
+            continue
+        if isinstance(node, MechanismNode):
+            continue
+        for port_number, port in enumerate(node.ports):
+            spans = bonds.get(BondEnd(number, port_number), [])
+            named = port.name and (node.kind not in TRANSDUCERS or has_many_ports(node))
+            name = f"{node.name}.{port.name}" if named else node.name
+            if len(spans) > 1:
+                hint = "Every port has one bond; put a 0- or 1-junction between."
+                result.append(
+                    WrongConnection(spans[1], f"`{name}` has {len(spans)} bonds", hint, ((spans[0], "one of them"),))
+                )
+            elif not spans:
+                side = {"1": "into side 1", "2": "out of side 2"}.get(port.name, "")
+                what = f"No bond goes {side} of `{name}`" if side else f"No bond reaches `{name}`"
+                result.append(WrongConnection(node.span, what, "Connect it, or leave it out."))
+    return result

@@ -12,9 +12,8 @@ from ...graph.network import Reading
 from ...graph.units import ONE, SECOND, Scale
 from ...syntax import tree
 from ..expressions.rates import opened
-from ..expressions.scales import bare, counts_cycles, counts_radians, is_decibel, scale_of
+from ..expressions.scales import bare, counts_cycles, counts_radians, is_decibel, readings, scale_of
 from ..expressions.template import Check
-from ..expressions.unit import readings
 from ..names.errors import DimensionMismatch
 from ..names.scope import Entry, Pending, Scalar, Scope
 from ..names.statement_errors import Wrong

@@ -18,8 +18,7 @@ from ...algebra.table import KINDS
 from ...errors import CompilationFailed, Diagnostic, ValuesNeeded
 from ...graph.domains import DOMAINS, Domain
 from ...graph.mechanism import domain_of
-from ...graph.network import TIME, Named, Quantity, Reading
-from ...graph.run_time_parameters import behind, quantities_in
+from ...graph.network import TIME, Named, Quantity, Reading, behind, quantities_in
 from ...graph.units import ONE, SECOND, Dimension, Scale
 from ...scene import Override
 from ...source import Span

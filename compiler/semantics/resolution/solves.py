@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from ...algebra.expression import Apply, Expression, Number, divide, multiply
 from ...algebra.formula import Bound, Formula
-from ...graph.network import Quantity
-from ...graph.run_time_parameters import quantities_in
+from ...graph.network import Quantity, quantities_in
 from ...source import Span
 from ...syntax import tree
 from ..expressions.lists import parts_of

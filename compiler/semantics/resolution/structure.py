@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from ...errors import Diagnostic
 from ...graph.domains import BUNDLES, DOMAINS, GENERIC
-from ...graph.run_time_parameters import behind, quantities_in
+from ...graph.network import behind, quantities_in
 from ...syntax import tree
 from ...syntax.blocks import Statements, flat, inner_blocks, nodes_in
 from ..expressions.expression_compiler import BUILT_IN

@@ -1,13 +1,23 @@
-"""HTTP server of the page, of changes of the file, and of runs. It uses the standard library, with a bounded number of threads, one per connection."""
+"""HTTP server of the page, of changes of the file, and of runs. It uses the standard library, with a bounded number of threads, one per connection.
+
+Connections are limited in number, and in the time for sending a request. The server answers only its own pages, at its own address, with the token
+that it gave them. A foreign page open in the same browser can send requests to this machine. It cannot read the token, its `Origin` differs, and if
+its own name resolves to this machine (DNS rebinding), the `Host` is that name.
+"""
 
 from __future__ import annotations
 
 import io
+import ipaddress
 import os
+import secrets
 import socket
 import sys
 import threading
+import time
+from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -15,8 +25,6 @@ from urllib.parse import parse_qs, urlsplit
 from ....errors import UsageError
 from ..shell import page_text
 from .answers import answered, looked_up
-from .connections import Connections, RequestStream, drain
-from .guard import Guard
 from .request import Limits, RequestRefused, body_length, check_headers
 from .session import Session
 
@@ -26,6 +34,8 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
 }  # fmt: skip
 BUSY = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
+SOON = 1.0  # s for a closed connection to go
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
 
 class Server(ThreadingHTTPServer):
@@ -207,3 +217,146 @@ class Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Write no log."""
+
+
+class Connections:
+    """Open connections, at most `most`. Those without a valid token yet are closed for new ones, the oldest first."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self._changed = threading.Condition()
+        self._open: set[socket.socket] = set()
+        self._unproven: dict[socket.socket, None] = {}  # in the order of their waiting
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def proven(self) -> int:
+        """Number of connections that are being answered."""
+        with self._changed:
+            return len(self._open) - len(self._unproven)
+
+    def admit(self, connection: socket.socket) -> bool:
+        """Accept a new connection; return False if all others are being answered."""
+        with self._changed:
+            if len(self._open) >= self.most and self._unproven:
+                oldest = next(iter(self._unproven))
+                del self._unproven[oldest]
+                with suppress(OSError):
+                    oldest.shutdown(socket.SHUT_RDWR)  # wakes its thread, which then ends
+                self._changed.wait_for(lambda: len(self._open) < self.most, SOON)
+            if len(self._open) >= self.most:
+                return False
+            self._open.add(connection)
+            self._unproven[connection] = None
+            return True
+
+    def await_request(self, connection: socket.socket) -> None:
+        """Note that a connection waits for its next request, and may be closed from now on."""
+        with self._changed:
+            if connection in self._open:
+                self._unproven.pop(connection, None)
+                self._unproven[connection] = None
+
+    def trust(self, connection: socket.socket) -> None:
+        """Note that the request of a connection has a valid token."""
+        with self._changed:
+            self._unproven.pop(connection, None)
+
+    def release(self, connection: socket.socket) -> None:
+        """Remove a connection that ends."""
+        with self._changed:
+            self._open.discard(connection)
+            self._unproven.pop(connection, None)
+            self._changed.notify_all()
+
+
+class RequestStream(io.RawIOBase):
+    """Bytes of requests as they arrive. All parts of a request share one time limit, however slowly they arrive, and one size limit."""
+
+    def __init__(self, connection: socket.socket, limits: Limits) -> None:
+        self._connection, self._limits = connection, limits
+        self.begin_request()
+
+    def begin_request(self) -> None:
+        """Start the time and size limits of the next request."""
+        self._deadline = time.monotonic() + self._limits.receiving
+        self._received, self._most = 0, self._limits.head
+
+    def expect_body(self, length: int) -> None:
+        """Allow `length` more bytes."""
+        self._most += length
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Read bytes into a buffer and return their number; 0 at the end. Raises `RequestRefused`, or `TimeoutError` if no request had begun."""
+        try:
+            self._connection.settimeout(max(self._deadline - time.monotonic(), 1e-3))
+            count = self._connection.recv_into(buffer)
+        except TimeoutError:
+            if not self._received:
+                raise
+            raise RequestRefused(408, f"the request was not complete within {self._limits.receiving:g} s") from None
+        self._received += count
+        if self._received > self._most:
+            raise RequestRefused(431, f"request line and headers have at most {self._limits.head} bytes")
+        return count
+
+
+def drain(connection: socket.socket, limits: Limits) -> None:
+    """Announce the end of sending, and discard received data for a short time: closing at once could lose the answer."""
+    end = time.monotonic() + limits.draining
+    with suppress(OSError):
+        connection.shutdown(socket.SHUT_WR)
+        while (left := end - time.monotonic()) > 0:
+            connection.settimeout(left)
+            if not connection.recv(65_536):
+                return
+
+
+@dataclass(frozen=True)
+class Guard:
+    """Address `host` and `port` of the server; `token` is new in each server."""
+
+    host: str
+    port: int
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+    @property
+    def address(self) -> str:
+        """Address of the page, with the token."""
+        name = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{name}:{self.port}/?token={self.token}"
+
+    def refusal(self, headers: Mapping[str, str], token: str) -> str:
+        """Return the reason for refusing a request; empty if it is accepted."""
+        host = headers.get("Host", "")
+        if not self._is_ours(host):
+            return "this server does not answer to that name"
+        origin = headers.get("Origin")
+        if origin is not None and origin != f"http://{host}":
+            return "a page from elsewhere asks nothing of this server"
+        if headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+            return "a page from elsewhere asks nothing of this server"
+        if not secrets.compare_digest(token.encode("utf-8", "replace"), self.token.encode()):
+            return "the address of the page has a token in it, which is missing here or is another's"
+        return ""
+
+    def _is_ours(self, host: str) -> bool:
+        name, colon, port = host.rpartition(":")
+        if not colon or port != str(self.port):
+            return False
+        if name in LOOPBACK or name.strip("[]") == self.host:
+            return True
+        listens_to_all = _is_number(self.host) and ipaddress.ip_address(self.host).is_unspecified
+        return listens_to_all and _is_number(name.strip("[]"))  # a stranger's name is no number
+
+
+def _is_number(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

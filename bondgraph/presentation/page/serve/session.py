@@ -2,13 +2,19 @@
 
 One task is compiled or run at a time. All numbers that can be set are arguments of one program for each experiment, so that a run with other
 values needs no compilation.
+
+A run that a slider made endless must not block all later ones. Python stops a thread by raising an exception in it, as Ctrl-C does in the main
+thread; runs handle that, and leave nothing incomplete.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,15 +25,13 @@ from ....analysed_model import AnalysedModel
 from ....compiled_model import LIBRARY, most_parts
 from ....errors import UsageError
 from ....files import FollowedFiles
+from ....simulation.settings import compiled_in
 from ..certificate import problems_markup
-from ..document import Document, document_of, text_section
+from ..document import WORDING, Document, document_of, modes_data, text_section
 from ..experiments import PROBLEMS, beside_run, experiment_data, one_run
 from ..markup import tag
 from ..runs import PageModel, run_data
-from ..shapes import modes_data
 from ..shell import data_text
-from ..text import WORDING
-from .cancellation import Stopped, TimedExecutor
 from .files import models_in, path_of, save, stamp
 from .settings import base_settings, parameters_of, settings_of
 
@@ -266,8 +270,6 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
 
 def _compiled_in(model: AnalysedModel, experiment: str, settings: Mapping[str, float]) -> list[str]:
     """Return notes on values that must be compiled in, which takes longer."""
-    from ....simulation.settings import compiled_in
-
     why = compiled_in(model, experiment, settings, settings)
     return [
         f"`{name}` is compiled in, which takes longer: more than numbers go with it in {place}"
@@ -280,3 +282,45 @@ def _settle() -> None:
     gc.enable()
     gc.collect()
     gc.freeze()
+
+
+class Stopped(Exception):
+    """Raised if the work was stopped before its end."""
+
+
+class TimedExecutor:
+    """Executor of one task at a time, with a time limit."""
+
+    def __init__(self) -> None:
+        self._guard = threading.Lock()
+        self._thread: int | None = None
+        self._began = 0.0
+
+    def within(self, seconds: float, work: Callable[[], Any]) -> Any:
+        """Return the result of some work. Raises `Stopped` after `seconds`."""
+        timer = threading.Timer(seconds, self.stop)
+        timer.daemon = True
+        try:
+            with self._guard:
+                self._thread, self._began = threading.get_ident(), time.monotonic()
+            with suppress(RuntimeError):  # no thread can start in a browser: no limit there
+                timer.start()
+            try:
+                return work()
+            finally:
+                with self._guard:
+                    self._thread = None
+        except KeyboardInterrupt as stopped:
+            raise Stopped(str(stopped)) from None
+        finally:
+            timer.cancel()
+
+    def stop(self, longer_than: float = 0.0) -> bool:
+        """Stop the current task if it has run for `longer_than` seconds; return True if there was one."""
+        with self._guard:
+            if self._thread is None or time.monotonic() - self._began < longer_than:
+                return False
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                ctypes.c_ulong(self._thread), ctypes.py_object(KeyboardInterrupt)
+            )
+            return True

@@ -8,8 +8,8 @@ import numpy as np
 
 from compiler.api import Array, Program, zeros_of
 
-from ...segments.context import SegmentContext
 from ...segments.timeline import LOOKS, Segment, Signals, inside
+from ...segments.trajectory import SegmentContext
 from .. import dop853
 from ..linear_algebra.exponentials import LARGEST, ExponentialTables
 from ..linear_algebra.factorise import is_large

@@ -26,14 +26,13 @@ from ..workspace import IntegratorWorkspace
 from .code import POINTER, WHOLE, called, link_step
 from .fields import UNMEASURED, fields_at, given_at, is_sparse, room_of
 from .ordering import DIAGONAL, on_diagonal, ordered, room_in
-from .plain import Unordered, record_for
+from .plain import Plain, Unordered, record_for
 from .record_layout import RecordArray, form_of
 from .selection_record import selection_record
 
 if TYPE_CHECKING:
-    from ...segments.context import SegmentContext
+    from ...segments.trajectory import SegmentContext
     from .constraint_functions import CompiledConstraints
-    from .plain import Plain
 
 SMALL_MODEL = 64  # states; steps of smaller ones take some microseconds
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
