@@ -56,8 +56,8 @@ class CompiledModel:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy begins with: compiled forms hold machine code, and are made again."""
-        given = {name: vars(self)[name] for name in ("source", "model", "extra_outputs")}
-        return {**given, "_compilations": {}, "_prepared": {}, "kept": {}}
+        original = {name: vars(self)[name] for name in ("source", "model", "extra_outputs")}
+        return {**original, "_compilations": {}, "_prepared": {}, "kept": {}}
 
     def __repr__(self) -> str:
         return f"<bondgraph model {self.model or ''} of {self.source.name}>"

@@ -112,7 +112,7 @@ def run(
 def _run(
     model: CompiledModel, scene: Scene, values: Mapping[str, float], wanted: RunOptions, start: Result | None
 ) -> Result:
-    began, asked = clock.perf_counter(), scene
+    began, as_written = clock.perf_counter(), scene
     energy, target = wanted.energy, wanted.target or chosen_target(None)
 
     def made(scene: Scene, everything: bool) -> CompiledScene:
@@ -169,9 +169,9 @@ def _run(
         error = RunBroken("BR710", f"{what}, after t = {run.reached:.9g} s")
         error.result = result
         raise error from broken
-    if not asked.steep and compiled_scene.facts.steep and any(misses_rates(leg.trajectory) for leg in run.legs):
+    if not as_written.steep and compiled_scene.facts.steep and any(misses_rates(leg.trajectory) for leg in run.legs):
         with suppress(CompilationFailed, RunFailed, UsageError):
-            return _run(model, replace(asked, steep=True), values, wanted, start)
+            return _run(model, replace(as_written, steep=True), values, wanted, start)
     result = run.result("")
     phase = run.legs[0].left() if len(run.legs) == 1 and start is None else None
     if phase is not None:

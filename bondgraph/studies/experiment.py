@@ -237,7 +237,7 @@ def _places(values: str | Sequence[str | float], words: Mapping[str, float], nam
         numbers |= {word: number, f"{number:g}": number, number: number}
     stripped = [v.strip() if isinstance(v, str) else v for v in some]
     if wrong := [v for v in stripped if v not in numbers]:
-        raise UsageError("BR499", f"`{name}` cannot be `{wrong[0]}`;", f"it can be {', '.join(words)}")
+        raise _not_one_of(name, wrong[0], ", ".join(words))
     return tuple(numbers[v] for v in stripped)
 
 
@@ -245,8 +245,12 @@ def _texts(values: str | Sequence[str | float], name: str) -> tuple[str, ...]:
     """Return the texts that stand in quotation marks. Raises `UsageError`."""
     some = re.findall(r'"[^"]*"|[^\s,][^,]*', values) if isinstance(values, str) else values
     if wrong := [v for v in some if not re.fullmatch(r'\s*"[^"]+"\s*', str(v))]:
-        raise UsageError("BR499", f"`{name}` cannot be `{wrong[0]}`;", "it can be texts in quotation marks")
+        raise _not_one_of(name, wrong[0], "texts in quotation marks")
     return tuple(str(v).strip().strip('"') for v in some)
+
+
+def _not_one_of(name: str, value: str | float, choices: str) -> UsageError:
+    return UsageError("BR499", f"`{name}` cannot be `{value}`;", f"it can be {choices}")
 
 
 def _numbers(values: str | Sequence[str | float], unit: str, name: str) -> tuple[float, ...]:

@@ -114,29 +114,29 @@ def sides(
     """Limits for what conditions in an expression compare, where they are evaluated: no divisor is zero, no logarithm or root is taken of less."""
     done: set[Expression] = set()
     stack: list[tuple[Expression, Expression | None, bool]] = [(expression, None, False)]
-    seen = set(stack)
+    visited = set(stack)
     while stack:
-        node, asked, compared = stack.pop()
+        node, under, compared = stack.pop()
         if not isinstance(node, Apply):
             continue
         compared = compared or node.operator in COMPARISONS
         needs = _domain(node) if compared else None
         if needs is not None and node.operands[-1] not in done:
             done.add(node.operands[-1])
-            holds = needs if asked is None else call("or", call("not", asked), needs)
+            holds = needs if under is None else call("or", call("not", under), needs)
             values = (LimitValue("divisor" if node.operator == "divide" else node.operator, "1", node.operands[-1]),)
             note = LimitNote("require", "", name, SIDES, step.span, None, _shown(values), is_fixed(holds))
             yield Limit(select(holds, ONE, ZERO), values, note)
         first, *rest = node.operands
-        more = [(first, asked, compared)]
+        more = [(first, under, compared)]
         if node.operator == "select":
-            more += [(rest[0], _both(asked, first), compared), (rest[1], _both(asked, call("not", first)), compared)]
+            more += [(rest[0], _both(under, first), compared), (rest[1], _both(under, call("not", first)), compared)]
         elif node.operator in ("and", "or"):
-            more += [(o, _both(asked, first if node.operator == "and" else call("not", first)), compared) for o in rest]
+            more += [(o, _both(under, first if node.operator == "and" else call("not", first)), compared) for o in rest]
         else:
-            more += [(o, asked, compared) for o in rest]
-        stack += [item for item in more if item not in seen]
-        seen.update(more)
+            more += [(o, under, compared) for o in rest]
+        stack += [item for item in more if item not in visited]
+        visited.update(more)
 
 
 def _domain(node: Apply) -> Expression | None:

@@ -81,12 +81,12 @@ def _read(space: StateSpace) -> Iterator[int]:
 def _refuse_jumps(base: StateSpace, off: Off, space: StateSpace, numbers: Mapping[int, int]) -> None:
     """Raise `NotJoined` where switched junctions change more than rates, or read what they change."""
     span = next((s.span for s in base.switches if s.junction in off), base.switches[0].span)
-    held, here = ([x.variables[s.variable].name for s in x.states] for x in (base, space))
+    states, here = ([x.variables[s.variable].name for s in x.states] for x in (base, space))
     tied = {d.element: d.variable for d in base.dependents}
     tied_here = {d.element: numbers[d.variable] for d in space.dependents}
-    jumping = [n for n in (*held, *here) if n not in held or n not in here]
+    jumping = [n for n in (*states, *here) if n not in states or n not in here]
     jumping += [n for n in (*tied, *tied_here) if tied.get(n) != tied_here.get(n)]
-    if jumping or held != here:
+    if jumping or states != here:
         what = f"`{jumping[0]}`" if jumping else "states"
         raise NotJoined(span, f"{what}, which may jump where {' and '.join(f'`{n}`' for n in off)} is switched off,")
     for switch, other in zip(base.switches, space.switches, strict=True):

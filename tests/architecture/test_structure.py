@@ -15,8 +15,8 @@ LONGEST_FUNCTION, LONGEST_FILE = 70, 500  # lines: below the first of a function
 SHARE_OF_BARE_ANY = {"bondgraph": 0.02, "compiler": 0.018}
 CLASSES_OF_ONE_NAME = 0
 DOCSTRINGS_THAT_OPEN_WITH_A_QUESTION = 0
-VAGUE_LOCALS = 1114
-LINES = 111_563
+VAGUE_LOCALS = 1113
+LINES = 111_673
 
 
 @pytest.mark.parametrize("package", structure.PACKAGES)

@@ -68,8 +68,8 @@ def terms_of_outputs(
     steps = np.maximum(STEP * np.abs(values), floor)  # of a state far below its magnitude the slope would be rounding
     moved = values[..., None, :] + np.copysign(steps, values)[..., None, :] * _moves(size)
     flat = moved.reshape(*moved.shape[:-3], -1, size)  # machine code takes one row after another
-    found = output(times.repeat(size + 1), flat, mode).reshape(*moved.shape[:-1], -1)
-    changes = np.abs(found[..., 1:, :] - found[..., :1, :])
+    outputs = output(times.repeat(size + 1), flat, mode).reshape(*moved.shape[:-1], -1)
+    changes = np.abs(outputs[..., 1:, :] - outputs[..., :1, :])
     slopes = np.divide(changes, steps[..., None], out=np.zeros(changes.shape), where=steps[..., None] > 0)
     terms = (slopes * np.abs(values)[..., None]).max(axis=(-3, -2))
     return OutputTerms(
