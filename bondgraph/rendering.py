@@ -7,12 +7,13 @@ first use.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _RENDERERS: dict[tuple[str, str], str] = {}  # (name of a class, kind of picture or text) -> "module:function"
@@ -80,6 +81,10 @@ class Plotted:
 
     __slots__ = ()
 
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Plot the result; also into a .png, .svg or .pdf file. Raises `UsageError` for another ending, `MissingPackage` without matplotlib, OSError."""
-        return draw(self, path)
+    def plot(self, path: str | os.PathLike[str] | None = None, **options: Axes | Sequence[Axes]) -> Figure:
+        """Plot the result; also into a .png, .svg or .pdf file; modes and paths with `ax`, one for each panel, into the caller's figure.
+
+        Raises `UsageError` for another ending, `MissingPackage` without matplotlib, OSError.
+        """
+        figure: Figure = renderer(self, "plot")(self, path, **options)
+        return figure

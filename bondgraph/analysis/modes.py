@@ -17,7 +17,7 @@ from compiler.api import Array, ComplexArray, IntArray, Leaf, letters
 
 from ..errors import RunFailed
 from ..numerics.scales import group_numbers, largest_of_group, nonzero
-from ..rendering import OfModel, Summarised
+from ..rendering import OfModel, Plotted, Summarised
 from ..results.json_values import entries, head
 from .linear import Linearization, linearization, part_note, state_matrix
 from .operating_point import OperatingPoint
@@ -102,7 +102,7 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes(Sequence[Mode], OfModel, Summarised):
+class Modes(Sequence[Mode], OfModel, Summarised, Plotted):
     """Modes at a point, slowest first; `units` of states and outputs.
 
     `unneeded`: states that no requested output depends on. Modes of these alone are not among them, and energies are those of the part that is left.

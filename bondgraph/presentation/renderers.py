@@ -16,6 +16,7 @@ RENDERERS = {
     ("Fit", "summary"): "bondgraph.presentation.text.studies:fit_text",
     ("Inversion", "summary"): "bondgraph.presentation.text.analyses:inversion_text",
     ("Linearization", "summary"): "bondgraph.presentation.text.analyses:linearization_text",
+    ("Modes", "plot"): "bondgraph.presentation.plots.bode:plot_modes",
     ("Modes", "summary"): "bondgraph.presentation.text.analyses:modes_text",
     ("MonteCarlo", "plot"): "bondgraph.presentation.plots.studies:plot_histograms",
     ("MonteCarlo", "summary"): "bondgraph.presentation.text.studies:montecarlo_text",

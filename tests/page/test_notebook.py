@@ -104,8 +104,28 @@ def test_what_an_analysis_shows_is_its_table_and_its_picture() -> None:
     model = bondgraph.load(RC)
     modes, sweep = model.modes(), model.sweep({"U": ["1 V", "2 V"]}, of="equilibrium")
     assert repr(modes) == modes.summary()
-    assert read(modes._repr_html_()).tags.count("img") == 0
-    assert 'src="data:image/png;base64,' in sweep._repr_html_()
+    for result in (modes, sweep):
+        assert 'src="data:image/png;base64,' in result._repr_html_()
+
+
+def test_modes_are_lines_over_frequency_and_a_path_is_in_the_units_of_its_report() -> None:
+    """The same curves as on the page; into axes of the caller where there are as many as panels."""
+    from matplotlib.figure import Figure
+
+    model = bondgraph.load(RC.replace("simulate 0", "report a in mV; simulate 0"))
+    shapes = model.modes()
+    figure = shapes.plot()
+    np.testing.assert_allclose(figure.axes[0].lines[0].get_xydata(), [(0.5 / np.pi, y) for y in (0, 1, np.nan)])
+    above, below = panels = Figure().subplots(2)
+    assert shapes.plot(ax=above) is above.figure and above.get_xscale() == "log"
+    with pytest.raises(UsageError, match="has 1 panels, and `ax` has 2"):
+        shapes.plot(ax=panels)
+    still = bondgraph.load("model M { Se f : F = 0 N; I m : p = 1 [kg]*v; f -> m; output v = m.v }").modes()
+    assert "<img" not in still._repr_html_()
+    path = model.invert({"a": "1 V*smoothstep9(time, 0 s, 1 s)"}, ["U"], to="1 s", points=5)
+    assert path.plot(ax=panels) is below.figure and "<img" in path._repr_html_()
+    assert [panel.get_ylabel() for panel in panels] == ["[mV]", "[V]"]
+    np.testing.assert_allclose(above.lines[-1].get_ydata(), 1e3 * path["a"])
 
 
 def test_plots_are_figures_and_go_into_axes() -> None:
@@ -122,6 +142,8 @@ def test_plots_are_figures_and_go_into_axes() -> None:
     alone = bondgraph.load(RC.replace(", i = loop.i", "")).simulate()
     assert alone.plot(ax=panel) is panel.figure
     np.testing.assert_array_equal(panel.lines[1].get_ydata(), alone["b"])
+    alone.plot(ax=panel)
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["a", "b", "a", "b"]
 
 
 def test_sliders_run_the_model_at_their_values() -> None:

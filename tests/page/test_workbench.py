@@ -321,8 +321,8 @@ def test_analyses_are_curves(tmp_path: Path) -> None:
     below = unpacked(plots["chances"]["values"])
     assert (plots["chances"]["outputs"][0]["unit"], len(below)) == ("mm", 201)
     assert below[[0, 100, 200]] == pytest.approx([100, 125, 1e3 / 6], rel=0.03)
-    assert plots["lead"]["outputs"] == [{"name": "push", "unit": "N"}, {"name": "x", "unit": "mm"}]
-    force, way = unpacked(plots["lead"]["values"]).reshape(2, 21)
+    assert plots["lead"]["outputs"] == [{"name": "x", "unit": "mm"}, {"name": "push", "unit": "N"}]
+    way, force = unpacked(plots["lead"]["values"]).reshape(2, 21)
     assert (force[-1], way[-1]) == pytest.approx((8 * 8e-3, 8))
     measured, computed = unpacked(plots["find"]["values"]).reshape(2, 4)
     assert measured == pytest.approx([2, np.nan, 20, 30], nan_ok=True) and 0 < computed[2] < computed[3] < 60

@@ -27,7 +27,6 @@ from .runs import OUTPUTS, PageModel, packed, run_data
 if TYPE_CHECKING:
     from ...analysed_model import AnalysedModel
     from ...analysis.branch import Branch
-    from ...analysis.modes import Modes
     from ...analysis.outcome import Outcome
     from ...analysis.response import Response
     from ...studies.fitted import Fit
@@ -156,6 +155,8 @@ def _analysed(model: AnalysedModel, outcome: Outcome) -> Plot:
     from ...analysis.response import Response
     from ...studies.fitted import Fit
     from ...studies.tolerances import MonteCarlo
+    from ..plots.bode import stems
+    from ..plots.over_time import along_path
 
     for result in (
         x for p in outcome.points for x in (*p.responses, *(analysis for _, analysis in p.analyses), p.modes)
@@ -169,12 +170,13 @@ def _analysed(model: AnalysedModel, outcome: Outcome) -> Plot:
         if isinstance(result, MonteCarlo):
             return _shares(result)
         if isinstance(result, FeedForward):
-            columns = {**result.inputs, **result.outputs}
-            return None, result.time, [_curve(outcome, n, v, result.units.get(n, "1")) for n, v in columns.items()]
+            groups = along_path(result).items()
+            return None, result.time, [(short(n), unit, v) for (_, unit), some in groups for n, v in some]
         if isinstance(result, Fit):
             return _fitted(outcome, result)
         if isinstance(result, Modes):
-            return _stems(result)
+            frequencies, damping = stems(result)
+            return ("frequency", "Hz", True), frequencies, [("damping ratio", "1", damping)][: len(damping)]
     return NOTHING
 
 
@@ -226,19 +228,6 @@ def _fitted(outcome: Outcome, found: Fit) -> Plot:
             label, unit, shown = _curve(outcome, one.name, column, one.unit)
             curves.append((f"{label}, {word}", unit, shown))
     return ("line of the data", "", False), lines + 1.0, curves
-
-
-def _stems(found: Modes) -> Plot:
-    """Return a line from zero up to the damping ratio at each frequency."""
-    import numpy as np
-
-    moving = [mode for mode in found if mode.frequency > 0]
-    values = np.array([x for mode in moving for x in (0.0, mode.damping, np.nan)])
-    return (
-        ("frequency", "Hz", True),
-        np.repeat([mode.frequency for mode in moving], 3),
-        [("damping ratio", "1", values)][: len(moving)],
-    )
 
 
 def quantities_in(text: str) -> Iterator[tuple[Fraction, str, Scale]]:

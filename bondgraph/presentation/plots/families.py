@@ -111,7 +111,7 @@ def plot_outcome(found: Outcome, path: StrPath | None) -> Figure:
         return _plot_swept(found, path)
     (point,) = found.points
     drawable = (result for _, result in point.analyses if hasattr(result, "plot"))
-    pictured = next((p for p in (*point.responses, *drawable, point.run) if p is not None), None)
+    pictured = next((p for p in (*point.responses, *drawable, point.run, point.modes) if p is not None), None)
     if pictured is None:
         raise UsageError(
             "BR934", "there is nothing to draw: the experiment has neither a sweep nor a response nor another step that makes a picture",

@@ -10,6 +10,7 @@ import numpy as np
 from compiler.api import Array
 
 from ...errors import UsageError
+from ..text.analyses import ReportedUnits
 from ..text.tables import labelled, short, time_unit, visible
 from .sheet import PANELS, curve_style, legend, picture, rows, stack, tell_omitted
 
@@ -126,20 +127,25 @@ def plot_energies(found: Energies) -> Figure:
 
 
 @picture
-def plot_feed_forward(found: FeedForward) -> Figure:
-    """Return outputs above, by units; inputs below, pulling ones drawn downwards."""
-    groups: dict[tuple[str, str], list[Curve]] = {}
-    for name, values in found.outputs.items():
-        groups.setdefault(("out", found.units.get(name, "1")), []).append((name, values))
-    for drive in found.drives:
-        name, values = drive.push, found.inputs[drive.push]
-        if drive.pull is not None:
-            name, values = f"{drive.push} - {drive.pull}", values - found.inputs[drive.pull]
-        groups.setdefault(("in", found.units.get(drive.push, "1")), []).append((name, values))
-    title = f"{found.title}, inputs along a path"
-    figure, panels = stack(title, 8.0, 1.2 + 2.0 * len(groups), len(groups))
-    _over_time(figure, panels, found.time, [(f"[{visible(unit)}]", curves) for (_, unit), curves in groups.items()])
+def plot_feed_forward(found: FeedForward, ax: Axes | Sequence[Axes] | None = None) -> Figure:
+    """Return outputs above, by units; inputs below. Raises UsageError for another number of axes."""
+    curves = [(f"[{visible(unit)}]", drawn) for (_, unit), drawn in along_path(found).items()]
+    figure, panels = stack(f"{found.title}, inputs along a path", 8.0, 1.2 + 2.0 * len(curves), len(curves), ax)
+    _over_time(figure, panels, found.time, curves)
     return figure
+
+
+def along_path(found: FeedForward) -> dict[tuple[str, str], list[Curve]]:
+    """Return the outputs, then the inputs, by their units as reported; of a pair its difference: the pulling input is drawn downwards."""
+    shown, groups = ReportedUnits(found), dict[tuple[str, str], list[Curve]]()
+    for name, values in found.outputs.items():
+        groups.setdefault(("out", shown(name)[0]), []).append((name, shown.of(name, values)))
+    for drive in found.drives:
+        name, values = drive.push, shown.of(drive.push, found.inputs[drive.push])
+        if drive.pull is not None:
+            name, values = f"{drive.push} - {drive.pull}", values - shown.of(drive.pull, found.inputs[drive.pull])
+        groups.setdefault(("in", shown(drive.push)[0]), []).append((name, values))
+    return groups
 
 
 def _over_time(

@@ -11,6 +11,8 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
+import numpy as np
+
 from ...errors import MissingPackage, UsageError
 from ...files import replacing
 from ..text.tables import short, some_of, visible
@@ -90,8 +92,15 @@ def sheet(title: str, width: float, height: float) -> Figure:
     return figure
 
 
-def stack(title: str, width: float, height: float, count: int, **options: Any) -> tuple[Figure, list[Axes]]:
-    """Return a sheet with `count` panels with grids, one above the other, over a common axis."""
+def stack(
+    title: str, width: float, height: float, count: int, ax: Axes | Sequence[Axes] | None = None, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """Return a sheet with `count` panels with grids, one above the other, over a common axis; or the axes of the caller. Raises UsageError."""
+    if ax is not None:
+        panels = list(np.ravel(np.asarray(ax, dtype=object)))
+        if len(panels) != count:
+            raise UsageError("BR949", f"the picture has {count} panels, and `ax` has {len(panels)}")
+        return panels[0].get_figure(root=True), panels
     figure = sheet(title, width, height)
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False, **options)[:, 0])
     for panel in panels:
@@ -118,15 +127,16 @@ def without_frame(panel: Axes) -> None:
 
 
 def legend(panel: Axes, names: Iterable[str], beside: bool = False, longest: int = 30, **options: Any) -> None:
-    """Name the bands and lines of a panel, `beside` it if they would lie below the legend.
+    """Name the bands and lines of a panel, `beside` it if they would lie below the legend; after those that a legend of it names already.
 
     The texts are set afterwards: as labels, names that begin with `_` would be omitted, and `$` would begin a formula.
     """
-    names = list(names)
+    before = panel.get_legend()
+    names = [*(text.get_text() for text in (before.get_texts() if before else ())), *names]
     if beside:
         options |= {"loc": "upper left", "bbox_to_anchor": (1.005, 1.02), "borderaxespad": 0.0}
     made = panel.legend(
-        [*panel.collections, *panel.get_lines()],
+        [*panel.collections, *panel.get_lines()][-len(names) :],
         [str(i) for i in range(len(names))],
         **({"frameon": False, "fontsize": 8} | options),
     )
