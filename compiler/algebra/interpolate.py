@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, MutableSequence, Sequence
 from functools import lru_cache, partial
-from itertools import pairwise
-from math import floor, nan
+from itertools import pairwise, product
+from math import floor, inf, nan
 
 Points = Sequence[float]
 Floats = MutableSequence[float]
@@ -196,6 +196,81 @@ def _slopes(write: Callable[..., None], xs: tuple[float, ...], ys: tuple[float, 
 
 natural_slopes = partial(_slopes, natural_slope)
 monotone_slopes = partial(_slopes, monotone_slope)
+
+
+def surface_slopes(xs: Points, ys: Points, rows: Sequence[Points]) -> tuple[list[tuple[float, ...]], ...]:
+    """Slopes along x, along y, and twists, a row for each place of `xs`, of a bicubic surface that rises and falls only where its points do.
+
+    Slopes are those of the curves along the axes, reduced where those of neighbouring curves differ too much (in the manner of Carlson and Fritsch
+    1985). A cubic along x is monotone if its slopes at both ends have the sign of its rise and are at most 3*rise/width. Both are cubics of y here,
+    and the condition holds throughout a cell if it holds for their Bernstein coefficients. Reduced slopes meet it without a twist; a twist, the
+    mean of the slopes of slopes, is as large as it allows.
+    """
+    columns = [*zip(*rows, strict=True)]
+    across = [monotone_slopes(tuple(xs), column) for column in columns]
+    along = [monotone_slopes(tuple(ys), tuple(row)) for row in rows]
+    p = [*zip(*_reduced(ys, xs, columns, [*zip(*along, strict=True)], across), strict=True)]
+    q = _reduced(xs, ys, rows, [*zip(*across, strict=True)], along)
+    bounds = _twist_bounds(xs, ys, rows, p, q)
+    turned = _twist_bounds(ys, xs, columns, [*zip(*q, strict=True)], [*zip(*p, strict=True)])
+    by_y = [monotone_slopes(tuple(ys), row) for row in p]
+    by_x = [monotone_slopes(tuple(xs), column) for column in zip(*q, strict=True)]
+    twists = []
+    for i, row in enumerate(bounds):
+        limits = [(max(low, turned[j][i][0]), min(high, turned[j][i][1])) for j, (low, high) in enumerate(row)]
+        twists.append(tuple(min(max(0.5 * (by_y[i][j] + by_x[j][i]), a), b) for j, (a, b) in enumerate(limits)))
+    return p, q, twists
+
+
+def _twist_bounds(
+    xs: Points, ys: Points, rows: Sequence[Points], across: Sequence[Points], along: Sequence[Points]
+) -> list[list[tuple[float, float]]]:
+    """Least and greatest twist, 0 between them, with which cubics along x are monotone where their points are."""
+    bounds = [[(-inf, inf)] * len(ys) for _ in xs]
+    for i, j in product(range(len(xs) - 1), range(len(ys) - 1)):
+        changes = rows[i + 1][j] - rows[i][j], rows[i + 1][j + 1] - rows[i][j + 1]
+        if min(changes) < 0 < max(changes):
+            continue
+        width, height = xs[i + 1] - xs[i], ys[j + 1] - ys[j]
+        for side, length in ((j, height), (j + 1, -height)):
+            rise = rows[i + 1][side] - rows[i][side] + length * (along[i + 1][side] - along[i][side]) / 3
+            for end in (i, i + 1):
+                slope = across[end][side]
+                none, most = -3 * slope / length, (9 * rise / width - 3 * slope) / length
+                low, high = bounds[end][side]
+                bounds[end][side] = max(low, min(none, most, 0.0)), min(high, max(none, most, 0.0))
+    return bounds
+
+
+def _reduced(
+    xs: Points, ys: Points, rows: Sequence[Points], across: Sequence[Points], along: Sequence[Points]
+) -> list[tuple[float, ...]]:
+    """Slopes along y that are near enough to those of neighbouring rows."""
+    result = [[*row] for row in along]
+    for j in range(len(ys)):
+        # bounds on how much a slope falls or rises from row to row
+        falls, rises = ([inf] * (len(xs) - 1) for _ in range(2))
+        for cell in range(max(j - 1, 0), min(j + 1, len(ys) - 1)):
+            for i, (a, b) in enumerate(pairwise(rows)):
+                width = (xs[i + 1] - xs[i]) * max(abs(across[i][j]), abs(across[i + 1][j]))
+                room = max(3 * abs(b[j] - a[j]) - width, 0.0) / (ys[cell + 1] - ys[cell])
+                changes = b[cell] - a[cell], b[cell + 1] - a[cell + 1]
+                for bounds, sign in ((falls, 1), (rises, -1)):
+                    if min(change * (sign if cell == j else -sign) for change in changes) >= 0:
+                        bounds[i] = min(bounds[i], room)
+        slopes = [row[j] for row in along]
+        # both sides of a change of sign take their half
+        halves = [0.5 if min(a, b) < 0 < max(a, b) else 1.0 for a, b in pairwise(slopes)]
+        for sign, up, down in ((1, rises, falls), (-1, falls, rises)):
+            sizes = [max(sign * slope, 0.0) for slope in slopes]
+            for i, half in enumerate(halves):
+                sizes[i + 1] = min(sizes[i + 1], sizes[i] + half * up[i])
+            for i in range(len(halves) - 1, -1, -1):
+                sizes[i] = min(sizes[i], sizes[i + 1] + halves[i] * down[i])
+            for i, size in enumerate(sizes):
+                if sign * slopes[i] > 0:
+                    result[i][j] = sign * size
+    return [tuple(row) for row in result]
 
 
 def slope_at(slopes: Callable[..., tuple[float, ...]], number: float, *points: float) -> float:

@@ -9,7 +9,7 @@ import sympy
 
 from .expression import Apply, Expression, Number, Symbol
 from .operators import OPERATORS
-from .table import lists
+from .table import chosen_slopes, lists
 
 SHOWN_POINTS = 12  # of a table, in equations that people read
 
@@ -54,7 +54,7 @@ def _differentiated(name: str, order: Any) -> str:
 def _table(node: Apply, operands: list[Any]) -> Any:
     """A readable table; a long one only with the number of its points."""
     n = len(lists(node)[0])
-    points = [sympy.Tuple(*operands[2:][i * n : (i + 1) * n]) for i in range(2)]
+    points = [sympy.Tuple(*operands[2:][i * n : (i + 1) * n]) for i in range(2 if chosen_slopes(node) is None else 3)]
     shown = points if n <= SHOWN_POINTS else [sympy.Symbol(f"{n} points")]
     return sympy.Function(_differentiated(node.operator, operands[0]))(operands[1], *shown)
 

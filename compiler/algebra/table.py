@@ -23,6 +23,23 @@ def table(kind: str, x: Expression, places: Sequence[Expression], values: Sequen
     return call(kind, ZERO, x, *places, *values, *_slopes(kind, places, values))
 
 
+def sloped(x: Expression, places: Sequence[float], values: Sequence[float], slopes: Sequence[float]) -> Expression:
+    """Value at x of a curve of cubics through points with slopes: one continuous derivative, as `monotone` has."""
+    return call("monotone", ZERO, x, *(Number(float(v)) for part in (places, values, slopes) for v in part))
+
+
+def chosen_slopes(node: Apply) -> tuple[Expression, ...] | None:
+    """Slopes of a curve that do not follow from its points; None for any other."""
+    places, values, *slopes = lists(node)
+    if (
+        node.operator != "monotone"
+        or _numbers(slopes[0]) is None
+        or [*slopes[0]] == _slopes("monotone", places, values)
+    ):
+        return None
+    return slopes[0]
+
+
 def _slopes(kind: str, places: Sequence[Expression], values: Sequence[Expression]) -> list[Expression]:
     """Slopes of a curve at its points, computed at once if the points are numbers."""
     xs, ys = _numbers(places), _numbers(values)
@@ -104,7 +121,7 @@ def turned_round(node: Apply, y: Expression) -> Expression | None:
     if node.operator == "linear":
         here, there = lists(node)
         return call("linear", ZERO, y, *there, *here)
-    if node.operator == "cubic" and (
+    if (node.operator == "cubic" or chosen_slopes(node) is not None) and (
         places is None or values is None or slopes[0] is None or interpolate.turns(places, values, slopes[0])
     ):
         return None

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from ..algebra.expression import MINUS_ONE, Apply, Expression, Number, Symbol, negate
 from ..algebra.expression import ONE as NUMBER_ONE
 from ..algebra.operators import CONDITIONS, OPERATORS
-from ..algebra.table import is_table, lists
+from ..algebra.table import chosen_slopes, is_table, lists
 from ..errors import CompilationFailed, InternalError
 from ..graph.units import ONE, Dimension
 from ..source import Source
@@ -191,10 +191,13 @@ class Printer:
         return text, ATOM
 
     def _table(self, x: Apply, wanted: Dimension) -> str:
-        """A curve through points; its slopes follow from them."""
+        """A curve through points; its slopes follow from them, or are written, too."""
         at, places, values = x.operands[1], *lists(x)[:2]
         unit = self._common((at, *places))
-        listed = (", ".join(self._write(o, u)[0] for o in part) for part, u in ((places, unit), (values, wanted)))
+        parts, slopes = [(places, unit), (values, wanted)], chosen_slopes(x)
+        if slopes is not None:
+            parts.append((slopes, wanted / unit))
+        listed = (", ".join(self._write(o, u)[0] for o in part) for part, u in parts)
         return f"{x.operator}({self._write(at, unit)[0]}, {', '.join(f'({part})' for part in listed)})"
 
     def condition(self, x: Expression) -> str:

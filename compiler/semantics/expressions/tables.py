@@ -33,8 +33,8 @@ from ...algebra.expression import (
     select,
 )
 from ...algebra.formula import Bound
-from ...algebra.interpolate import OutsideTable
-from ...algebra.table import KINDS, noise, table
+from ...algebra.interpolate import OutsideTable, surface_slopes
+from ...algebra.table import KINDS, noise, sloped, table
 from ...errors import CompilationFailed
 from ...fast_dataclass import dataclass
 from ...graph.units import ONE, Dimension, Scale
@@ -81,7 +81,7 @@ def compile_table(arguments: Arguments, node: tree.Call) -> Value:
     """A call of one of the functions in `USAGE`. Raises `Wrong`."""
     if node.function in KINDS and len(node.arguments) == len(_GRID):
         return _surface(arguments, node)
-    if len(node.arguments) != _COUNTS[node.function]:
+    if len(node.arguments) != _COUNTS[node.function] and (node.function, len(node.arguments)) != ("monotone", 4):
         count = f"{_COUNTS[node.function]} arguments"
         raise Wrong(WrongArguments(node.span, node.function, count, len(node.arguments), USAGE[node.function]))
     if node.function == "column":
@@ -103,10 +103,14 @@ def _noise(arguments: Arguments, node: tree.Call) -> Typed:
 
 def _curve(arguments: Arguments, node: tree.Call) -> Typed:
     x = arguments.scalar(node.arguments[0])
-    places, values = (_points(arguments, node, argument) for argument in node.arguments[1:])
+    places, values, *chosen = (_points(arguments, node, argument) for argument in node.arguments[1:])
     at = [(x, node.arguments[0].span), *_placed(places, node.arguments[1])]
-    common_dimension(at, f"What `{node.function}` is asked at and its places need one unit")
-    dimension = common_dimension(_placed(values, node.arguments[2]), f"The values of `{node.function}` need one unit")
+    unit = common_dimension(at, f"What `{node.function}` is asked at and its places need one unit") or ONE
+    placed = _placed(values, node.arguments[2])
+    for slope, span in _placed(chosen[0], node.arguments[3]) if chosen else ():
+        placed.append((Typed(slope.expression, None if slope.dimension is None else slope.dimension * unit), span))
+    what = f"The values of `{node.function}`{' and its slopes, times a place,' if chosen else ''} need one unit"
+    dimension = common_dimension(placed, what)
     if len(places) != len(values):
         what = f"`{node.function}` has {len(places)} places but {len(values)} values"
         raise Wrong(WrongTable(node.span, what, "Every place has one value: the two lists are of one length."))
@@ -119,6 +123,14 @@ def _curve(arguments: Arguments, node: tree.Call) -> Typed:
         hint = f"More than {MAXIMUM_POINTS} points are numbers of the text: `constant` lists, or columns of a file."
         raise Wrong(WrongTable(node.span, f"`{node.function}` has {len(xs)} points that are parameters", hint))
     result = table(node.function, x.expression, xs, ys)
+    if chosen:
+        numbers = [
+            [t.expression.value for t in part if isinstance(t.expression, Number)] for part in (places, values, *chosen)
+        ]
+        if len({len(xs), len(chosen[0]), *map(len, numbers)}) > 1:
+            hint = "Every place has one value and one slope, and all are numbers, not parameters."
+            raise Wrong(WrongTable(node.arguments[3].span, "The slopes of `monotone` do not fit its points", hint))
+        result = sloped(x.expression, *numbers)
     if isinstance(x.expression, Number) and isinstance(result, Apply):
         _ask(result, node)
     return Typed(result, dimension)
@@ -128,12 +140,10 @@ def _surface(arguments: Arguments, node: tree.Call) -> Typed:
     """A table of two variables: the tensor product of two curves, a sum over one axis of the curve of each row times its share.
 
     The share of a row is the curve through 1 at its place and 0 at the others, so values, slopes, bends and bounds are those of curves. Both
-    `linear` and `cubic` are linear in their values, so it does not matter over which axis the sum goes: it is the shorter one.
+    `linear` and `cubic` are linear in their values, so it does not matter over which axis the sum goes: it is the shorter one. Slopes of
+    `monotone` are not linear in the values: they are computed here, from all of them.
     """
     kind = node.function
-    if kind == "monotone":
-        hint = "Take `cubic`, or `linear`, which never leaves its points."
-        raise Wrong(WrongTable(node.span, "`monotone` has one variable: it is not linear in its values", hint))
     axes = [_axis(arguments, node, node.arguments[i], node.arguments[i + 1]) for i in (0, 2)]
     rows = _rows(arguments, node, node.arguments[4])
     counts = [len(places) for _, places in axes]
@@ -152,20 +162,39 @@ def _surface(arguments: Arguments, node: tree.Call) -> Typed:
     dimension = common_dimension(placed, f"The values of `{kind}` need one unit")
     cells = [[t.expression for t in row] for _, row in rows]
     fixed = all(isinstance(z, Number) for row in cells for z in row)
+    if kind == "monotone" and not (fixed and all(isinstance(z, Number) for _, places in axes for z in places)):
+        hint = "Its slopes follow from all points at once: write numbers, or take `linear` or `cubic`."
+        raise Wrong(WrongTable(node.span, "The points of a surface by `monotone` are numbers, not parameters", hint))
     if min(counts) > MAXIMUM_CURVES or (not fixed and counts[0] * counts[1] > MAXIMUM_POINTS):
         hint = f"One side has {MAXIMUM_CURVES} places at most; values that are parameters are {MAXIMUM_POINTS} at most."
         raise Wrong(WrongTable(node.span, f"`{kind}` has {counts[0]} by {counts[1]} places", hint))
     if counts[1] < counts[0]:
         axes, cells = axes[::-1], [list(column) for column in zip(*cells, strict=True)]
     (x, xs), (y, ys) = axes
-    units = ([Number(float(i == j)) for j in range(len(xs))] for i in range(len(xs)))
-    terms = [
-        multiply(table(kind, x, xs, unit), table(kind, y, ys, row)) for unit, row in zip(units, cells, strict=True)
-    ]
+    units = [[Number(float(i == j)) for j in range(len(xs))] for i in range(len(xs))]
+    if kind == "monotone":
+        terms = _bicubic(x, y, *([z.value for z in part if isinstance(z, Number)] for part in (xs, ys, *cells)))
+    else:
+        terms = [
+            multiply(table(kind, x, xs, unit), table(kind, y, ys, row)) for unit, row in zip(units, cells, strict=True)
+        ]
     for part in (operation for term in terms for operation in operations(term)):
         if part.operator == kind and isinstance(part.operands[1], Number):
             _ask(part, node)
     return Typed(add(*terms), dimension)
+
+
+def _bicubic(x: Expression, y: Expression, xs: list[float], ys: list[float], *rows: list[float]) -> list[Expression]:
+    """A surface of two terms for each row: its curve times its share, and the curve of its slopes across times a curve that is zero at all places."""
+    across, along, twists = surface_slopes(xs, ys, rows)
+    zeros = [0.0] * len(xs)
+    terms = []
+    for i, row in enumerate(rows):
+        unit = [float(i == j) for j in range(len(xs))]
+        terms.append(multiply(sloped(x, xs, unit, zeros), sloped(y, ys, row, along[i])))
+        if any((*across[i], *twists[i])):
+            terms.append(multiply(sloped(x, xs, zeros, unit), sloped(y, ys, across[i], twists[i])))
+    return terms
 
 
 def _axis(
