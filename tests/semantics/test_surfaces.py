@@ -96,9 +96,6 @@ def test_it_rises_and_falls_only_where_its_points_do() -> None:
         z = random.normal(size=(len(xs), len(ys))) ** 3
         both = np.sort(np.sort(z, 0), 1)
         z = (both, np.round(both)[::-1], np.round(2 * z), np.sort(z, 0))[kind % 4]
-        if kind == 0:  # neighbouring slopes of opposite signs, both too large
-            xs, ys = [0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0]
-            z = np.array([[-150, -100, -99.55], [-50, 0, 0.45], [51, 1, 0.55], [151, 101, 100.55]])
         at = [np.unique(np.concatenate([np.linspace(a, b, 9) for a, b in pairwise(p)])) for p in (xs, ys)]
         fine = monotone(*at, xs, ys, z)
         assert fine[::8, ::8] == pytest.approx(z, abs=1e-12)
@@ -112,6 +109,15 @@ def test_it_rises_and_falls_only_where_its_points_do() -> None:
                 for i, j in zip(*np.nonzero(both), strict=True):
                     assert steps[8 * i : 8 * i + 8, 8 * j : 8 * j + 9].min() > -1e-12 * max(np.ptp(z), 1)
     assert smaller > 40  # the slopes of curves alone are not enough
+
+
+def test_slopes_of_opposite_signs_share_what_their_rows_are_apart() -> None:
+    """The condition itself, which is sufficient: where it holds for both slopes alone only, the surface may be monotone all the same."""
+    z = [[-150.0, -100.0, -99.55], [-50.0, 0.0, 0.45], [51.0, 1.0, 0.55], [151.0, 101.0, 100.55]]
+    across = monotone_slopes((0.0, 1.0, 2.0, 3.0), tuple(row[1] for row in z))
+    _, along, _ = surface_slopes((0.0, 1.0, 2.0, 3.0), (0.0, 1.0, 2.0), z)
+    assert along[1][1] > 0.1 and along[2][1] < -0.1
+    assert along[1][1] - along[2][1] <= 3 * (z[2][1] - z[1][1]) - max(across[1:3]) + 1e-12
 
 
 def test_one_axis_alone_is_the_curve_and_a_product_of_lines_is_exact() -> None:
