@@ -14,6 +14,7 @@ import numpy as np
 from compiler.api import Array
 
 from ..errors import UsageError
+from ..quantities import behind
 from ..rendering import OfModel, Plotted, Summarised, draw
 from ..results.exports import Arrays, Exported, write_csv
 from ..results.json_values import entries, head
@@ -152,9 +153,13 @@ class Outcome(Sequence[Point], OfModel, Summarised, Plotted, Exported):
         """
         return {**head(SCHEMA, self), **entries(self, "swept", "points", "notes", *["words"] * bool(self.words))}
 
-    def in_words(self, settings: Mapping[str, float]) -> dict[str, str | float]:
-        """Return settings with words in the place of the numbers that stand for them."""
-        return {n: self.words[n][int(v) - 1] if n in self.words else v for n, v in settings.items()}
+    def in_words(self, settings: Mapping[str, float]) -> dict[str, str]:
+        """Return swept values as texts: the words that numbers stand for, or numbers in the units of a table."""
+        return {n: self.words[n][int(v) - 1] if n in self.words else self._with_unit(n, v) for n, v in settings.items()}
+
+    def _with_unit(self, name: str, value: float) -> str:
+        unit, scale, offset = self.shown.get(name, (self.swept[name], 1.0, 0.0))
+        return f"{value * scale + offset:.7g}{behind(unit)}"
 
     @property
     def grid(self) -> tuple[int, ...] | None:

@@ -30,7 +30,6 @@ RENDERERS = {
     ("ResponseSensitivity", "summary"): "bondgraph.presentation.text.analyses:response_sensitivity_text",
     ("Result", "html"): "bondgraph.presentation.page.notebook:result_html",
     ("Result", "plot"): "bondgraph.presentation.plots.over_time:plot_result",
-    ("Result", "plot into"): "bondgraph.presentation.plots.over_time:plot_into",
     ("Result", "plot over"): "bondgraph.presentation.plots.phase:plot_phase",
     ("Result", "summary"): "bondgraph.presentation.text.tables:summary",
     ("RunSensitivity", "summary"): "bondgraph.presentation.text.studies:run_sensitivity_text",

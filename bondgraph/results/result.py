@@ -274,16 +274,19 @@ class Result(OfModel, Exported):
         return told | {word: part.to_json() for word, part in parts.items() if part is not None}
 
     def plot(
-        self, path: str | os.PathLike[str] | None = None, over: str | None = None, ax: Axes | None = None
+        self,
+        path: str | os.PathLike[str] | None = None,
+        over: str | None = None,
+        ax: Axes | Sequence[Axes] | None = None,
     ) -> Figure:
-        """Draw the outputs over time, or `over` one of them, also into a .png, .svg or .pdf file; or over time into axes of the caller.
+        """Draw the outputs over time, or `over` one of them, also into a .png, .svg or .pdf file; or over time into axes of the caller, one for each unit.
 
-        Raises MissingPackage without matplotlib, UsageError for another ending and for axes with outputs of several units or with another option, OSError.
+        Raises MissingPackage without matplotlib, UsageError for another ending and for another number of axes or another option with them, OSError.
         """
         if ax is not None:
             if path is not None or over is not None:
                 raise UsageError("BR941", "a plot into axes is over time, and is written by its owner: give `ax` alone")
-            return draw(self, None, "plot into", ax)
+            return draw(self, None, "plot", ax)
         return draw(self, path) if over is None else draw(self, path, "plot over", over)
 
     def summary(self, sparks: bool = False) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Study
+from compiler.api import Analysis, Differentiating, Fitting, Inverting, Linearizing, MonteCarloRequest, Plan, Study
 
 from ..analysed_model import AnalysedModel
 from ..analysis.outcome import Outcome, Point
@@ -161,9 +161,25 @@ def run(model: AnalysedModel, request: RunRequest, workers: Workers | None = Non
     words = {s.name: s.words for s in left if s.words}
     texts = {n: some for n, some in words.items() if not first.choices[n]}
     points = (asked.answer(model, {}, chosen),) if alone else made(model, asked, grid, chosen, texts)
-    shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
+    units = {s.name: s.unit for s in left}
+    shown = _shown(model, plan, units)
     notes = compilation_notes(model, asked.run, with_texts(grid, texts))
-    return Outcome(first.whole_graph.name, plan.experiment, {s.name: s.unit for s in left}, points, shown, notes, words)
+    return Outcome(first.whole_graph.name, plan.experiment, units, points, shown, notes, words)
+
+
+def _shown(
+    model: AnalysedModel, plan: Plan, units: Mapping[str, str], written: Mapping[str, Any] | None = None
+) -> dict[str, tuple[str, float, float]]:
+    """Return unit, scale and offset of what is reported, and of swept names: in the unit of the first text among values of a call, else the author's."""
+    from ..author_units import author_units, quantities_in
+
+    scales = author_units(model, units)
+    for name, some in (written or {}).items():
+        text = some if isinstance(some, str) else next((v for v in some if isinstance(v, str)), "")
+        if units[name] != "1":
+            scales[name] = next(((unit, scale) for _, unit, scale in quantities_in(text)), scales[name])
+    reported = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
+    return reported | {n: (u or "1", s.from_si(1.0) - s.from_si(0.0), s.from_si(0.0)) for n, (u, s) in scales.items()}
 
 
 def with_texts(grid: Sequence[Mapping[str, float]], texts: Mapping[str, Sequence[str]]) -> list[Settings]:
@@ -224,7 +240,7 @@ def sweep(
     asked = ExperimentStudy(study.run, studies, "simulate" in study.of)
     grid = [dict(zip(numbers, row, strict=True)) for row in rows]
     points = made(model, asked, grid, workers or ALONE, texts)
-    shown = {r.name: (r.unit, r.scale, r.offset) for r in plan.report}
+    shown = _shown(model, plan, units, values)
     notes = compilation_notes(model, study.run, with_texts(grid, texts))
     return Outcome(compilation.whole_graph.name, plan.experiment, units, points, shown, notes, words)
 

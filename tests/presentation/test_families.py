@@ -10,6 +10,7 @@ import pytest
 
 import bondgraph
 from bondgraph.errors import RunFailed, UsageError
+from bondgraph.presentation.plots.families import plot_surface
 
 pytest.importorskip("matplotlib")
 
@@ -70,3 +71,35 @@ def test_nothing_to_draw(model: Any) -> None:
         model.sweep({"R": "1 ohm, 2 ohm"}, "equilibrium").plot_curves()
     with pytest.raises(RunFailed, match="none of the runs"):
         model.simulate_many([{"R": "1/0"}, {"R": 0.0}], experiment="go").plot()
+
+
+def test_swept_values_are_in_the_units_that_the_author_wrote() -> None:
+    """Those of the text, or of a call's values: in tables, in legends, on axes; files are in SI."""
+    text = """model M {
+      parameter k_s = 10 kN/m, T = 20 degC
+      Se push : F = 1 N
+      C spring : F = k_s*x
+      R air : F = 1 [N*s/m]*v
+      push -> 1(spring, air)
+      output x = spring.x, hot = T
+      experiment stiff { sweep k_s = 10 kN/m, 20 kN/m; equilibrium; report x in um }
+    }"""
+    model = bondgraph.load(text)
+    swept = model.run("stiff")
+    rows = [line.split() for line in swept.summary().splitlines()[2:6]]
+    assert rows == [["k_s", "x"], ["kN/m", "um"], ["10", "100"], ["20", "50"]]
+    figure = swept.plot()
+    assert figure.axes[-1].get_xlabel() == "k_s [kN/m]" and list(figure.axes[0].lines[0].get_xdata()) == [10, 20]
+    assert list(swept("k_s")) == [10_000, 20_000]
+    both = model.sweep({"k_s": "10 N/mm .. 20 N/mm : 2", "T": ["20 degC", "30 degC"]}, of="equilibrium")
+    assert [line.split()[:2] for line in both.summary().splitlines()[2:7]] == [
+        ["k_s", "T"],
+        ["N/mm", "degC"],
+        ["10", "20"],
+        ["10", "30"],
+        ["20", "20"],
+    ]
+    legend = both.plot().axes[0].get_legend()
+    assert legend is not None and [t.get_text() for t in legend.get_texts()] == ["k_s = 10 N/mm", "k_s = 20 N/mm"]
+    relief = plot_surface(both, None, "x")
+    assert (relief.axes[0].get_xlabel(), relief.axes[0].get_ylabel()) == ("T [degC]", "k_s [N/mm]")

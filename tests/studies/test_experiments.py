@@ -168,4 +168,4 @@ def test_plots(tmp_path: Path, model: Any) -> None:
     assert "load" in (tmp_path / "s.svg").read_text(encoding="utf-8")
     model.run("bode").plot(tmp_path / "b.svg")
     with pytest.raises(UsageError, match="neither a sweep"):
-        model.sweep({}, of="modes").plot(tmp_path / "n.svg")
+        model.sweep({}, of="equilibrium").plot(tmp_path / "n.svg")

@@ -6,14 +6,12 @@ the author: the one behind the colon of a quantity, else that of the first numbe
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from compiler.api import Array, CompilationFailed, Scale, Source, read_unit, tree
+from compiler.api import Array, CompilationFailed
 
-from ...compiled_model import CompiledModel
+from ...author_units import author_units
 from ...compiled_scene import many_runs
 from ...errors import MissingPackage, RunFailed, UsageError
 from ...results.records import EnergyBalance
@@ -40,9 +38,6 @@ SHARES = 201  # points of a distribution
 Axis = tuple[str, str, bool] | None  # name, unit, logarithmic; None: the time
 Plot = tuple[Axis, Any, list[Curve]]  # what curves are drawn over, its values, the curves
 NOTHING: Plot = (None, (), [])
-_NUMBERS = re.compile(r"(\d+(?:\.\d+)?(?:[eE][-+]?\d{1,3})?) ?(?:\[([^\]\n]{1,40})\]|([^\W\d]\w{0,8}|%))")
-
-_NAMES = re.compile(r"[^\W\d]\w*")
 
 
 def one_run(watched: PageModel, name: str) -> bool:
@@ -104,11 +99,11 @@ def _balance(balance: EnergyBalance) -> Html:
 
 def outcome_plot(model: AnalysedModel, outcome: Outcome) -> dict[str, Any]:
     """Return `{"plot": …}` of a sweep over one name, or of the first analysis that has curves; nothing without one."""
-    axis, values, curves = _swept(model, outcome) if outcome.swept else _analysed(model, outcome)
+    axis, values, curves = _swept(outcome) if outcome.swept else _analysed(model, outcome)
     curves = curves[:OUTPUTS]
     if not curves:
         return {}
-    axis_data = {"name": short(axis[0]), "unit": visible(axis[1]), "log": axis[2]} if axis else None
+    axis_data = {"name": short(axis[0]), "unit": shown_unit(axis[1]), "log": axis[2]} if axis else None
     return {
         "plot": {
             "axis": axis_data, "time": packed(values, single=False),
@@ -118,19 +113,15 @@ def outcome_plot(model: AnalysedModel, outcome: Outcome) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _swept(model: AnalysedModel, outcome: Outcome) -> Plot:
+def _swept(outcome: Outcome) -> Plot:
     """Return the runs of a sweep over time, if they have equal instants, else what each point gives over the swept values."""
     import numpy as np
 
     if len(outcome.swept) != 1 or len(outcome.points) < 2:
         return NOTHING
-    ((swept, (unit, scale)),) = author_units(model, outcome.swept).items()
-    values = [float(f"{scale.from_si(p.settings[swept]):.12g}") for p in outcome.points]
-    words = [
-        outcome.in_words(p.settings)[swept] if outcome.words else f"{v:.7g} {unit}"
-        for v, p in zip(values, outcome.points, strict=True)
-    ]
-    runs = [(f"{short(swept)} = {w}".rstrip(), p.run) for w, p in zip(words, outcome.points, strict=True)]
+    ((swept, unit),) = outcome.swept.items()
+    _, unit, values = _curve(outcome, swept, outcome(swept), unit)
+    runs = [(f"{short(swept)} = {outcome.in_words(p.settings)[swept]}", p.run) for p in outcome.points]
     finished = [(at, run) for at, run in runs if run is not None]
     if not finished or any(not np.array_equal(run.time, finished[0][1].time) for _, run in finished):
         return (swept, unit, False), values, [_curve(outcome, n, outcome(n)) for n in outcome.names if n != swept]
@@ -228,39 +219,3 @@ def _fitted(outcome: Outcome, found: Fit) -> Plot:
             label, unit, shown = _curve(outcome, one.name, column, one.unit)
             curves.append((f"{label}, {word}", unit, shown))
     return ("line of the data", "", False), lines + 1.0, curves
-
-
-def quantities_in(text: str) -> Iterator[tuple[Fraction, str, Scale]]:
-    """Yield all numbers of a text that have a unit, with it."""
-    for number, bracketed, plain in _NUMBERS.findall(text):
-        try:
-            yield Fraction(number), bracketed or plain, read_unit(Source("unit", bracketed or plain))
-        except CompilationFailed:
-            continue  # the word is no unit
-
-
-def author_units(model: CompiledModel, units: Mapping[str, str]) -> dict[str, tuple[str, Scale]]:
-    """Return the author's unit for each name of parameters, inputs and sweeps with its unit in SI; that unit where there is no other."""
-    written: dict[str, tree.Item | tree.SweepSyntax] = {}
-    for statement in model.compilation().tree.models[model.name].statements:
-        if isinstance(statement, tree.Quantities):
-            written |= {item.name: item for item in statement.items}
-        elif isinstance(statement, tree.Experiment):
-            for step in statement.steps:
-                if isinstance(step, tree.SweepSyntax):
-                    written.setdefault(step.path.span.words, step)
-    return {name: _unit(name.partition("[")[0], unit, written) for name, unit in units.items()}
-
-
-def _unit(name: str, unit: str, written: Mapping[str, tree.Item | tree.SweepSyntax]) -> tuple[str, Scale]:
-    """Return the unit that a quantity has in its own text, else in that of one from which it is computed."""
-    own = read_unit(Source("unit", unit))
-    named = _NAMES.findall(written[name].span.words) if name in written else []
-    for item in (written[n] for n in (name, *named) if n in written):
-        text = item.span.words if item.unit is None else f"1 [{item.unit.span.words}]"
-        value = getattr(written[name], "value", None)
-        reckoned = written[name].unit is None and not isinstance(value, tree.Literal | tree.Negative | None)
-        for _, words, scale in quantities_in(text):
-            if scale.dimension == own.dimension and not (reckoned and scale.offset):  # 30 degC - 20 degC are 10 K
-                return words, scale
-    return "" if unit == "1" else unit, own

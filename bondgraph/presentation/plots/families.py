@@ -34,7 +34,7 @@ CONTOURS, SURFACE_COLOURS = 12, "cividis"  # even in grey, and for colour-blind 
 def plot_ensemble(found: Ensemble) -> Figure:
     """Return a panel for each output with all runs that have a result. Raises `RunFailed` if none has."""
     numbered = [(number, run) for number, run in enumerate(found) if not isinstance(run, Exception)]
-    labels = [settings_text(found.settings[number], {}) for number, _ in numbered]
+    labels = [settings_text(found.settings[number]) for number, _ in numbered]
     return _family([run for _, run in numbered], labels)
 
 
@@ -44,17 +44,12 @@ def plot_curves(found: Outcome) -> Figure:
     points = [(p.settings, p.run) for p in found.points if p.run is not None]
     if not points and not found.failures:
         raise UsageError("BR943", "there are no curves: nothing is simulated at the points", "ask for `simulate`")
-    return _family(
-        [run for _, run in points], [settings_text(found.in_words(settings), found.swept) for settings, _ in points]
-    )
+    return _family([run for _, run in points], [settings_text(found.in_words(settings)) for settings, _ in points])
 
 
-def settings_text(settings: Mapping[str, str | float], units: Mapping[str, str]) -> str:
-    """Return `R = 10 ohm, C = 1e-06 F`, in SI where they are numbers."""
-    shown = {
-        n: v if isinstance(v, str) else f"{v:.7g} {visible(units.get(n, '1'))}".removesuffix(" 1")
-        for n, v in settings.items()
-    }
+def settings_text(settings: Mapping[str, str | float] | Mapping[str, str]) -> str:
+    """Return `R = 10 ohm, C = 1 uF`; numbers are in SI."""
+    shown = {n: visible(v) if isinstance(v, str) else f"{v:.7g}" for n, v in settings.items()}
     return ", ".join(f"{short(n, 16)} = {value}" for n, value in shown.items())
 
 
@@ -130,18 +125,23 @@ def _plot_swept(found: Outcome) -> Figure:
     for i, point in enumerate(found.points):
         groups.setdefault(tuple(point.settings[n] for n in others), []).append(i)
     for panel, name in zip(panels, names, strict=False):
-        unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
-        column, along = found(name) * scale + offset, found(last)
+        (unit, column), (_, along) = (_as_shown(found, n) for n in (name, last))
         for k, points in enumerate(groups.values()):
             order = np.array(points)[np.argsort(along[points], kind="stable")]
             panel.plot(along[order], column[order], marker="o", markersize=3, **curve_style(k))
         panel.set_ylabel(labelled(name, unit, 24), parse_math=False)
     _set_words(found, last, panels[-1].xaxis)
-    panels[-1].set_xlabel(labelled(last, found.swept[last], 40), parse_math=False)
+    panels[-1].set_xlabel(labelled(last, _as_shown(found, last)[0], 40), parse_math=False)
     if others:
-        settings = (settings_text(found.in_words(dict(zip(others, key, strict=True))), found.swept) for key in groups)
+        settings = (settings_text(found.in_words(dict(zip(others, key, strict=True)))) for key in groups)
         legend(panels[0], settings, longest=1000, fontsize=7)
     return figure
+
+
+def _as_shown(found: Outcome, name: str) -> tuple[str, Array]:
+    """Return the unit of a column in a table, and its values there."""
+    unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
+    return unit, found(name) * scale + offset
 
 
 def _set_words(found: Outcome, name: str, axis: Any) -> None:
@@ -159,17 +159,17 @@ def plot_surface(found: Outcome, name: str) -> Figure:
         raise UsageError(
             "BR933", f"there is no `{name}` to draw; there is {', '.join(n for n in found.names if n not in found.swept)}",
         )  # fmt: skip
-    slow, fast = found.swept
-    ys, xs = (np.unique(found(n)) for n in (slow, fast))
-    unit, scale, offset = found.shown.get(name, (found.units[name], 1.0, 0.0))
+    (slow, slow_values), (fast, fast_values), (unit, values) = (_as_shown(found, n) for n in (*found.swept, name))
+    ys, xs = np.unique(slow_values), np.unique(fast_values)
     heights = np.full((len(ys), len(xs)), np.nan)
-    heights[np.searchsorted(ys, found(slow)), np.searchsorted(xs, found(fast))] = found(name) * scale + offset
+    heights[np.searchsorted(ys, slow_values), np.searchsorted(xs, fast_values)] = values
     figure = sheet(found.title, 6.4, 4.8)
     panel = figure.subplots()
     relief = panel.contourf(xs, ys, heights, CONTOURS, cmap=SURFACE_COLOURS)
     panel.contour(xs, ys, heights, CONTOURS, colors="#ffffff", linewidths=0.5)
     bar = figure.colorbar(relief)
     bar.set_label(labelled(name, unit), parse_math=False)
-    panel.set_xlabel(labelled(fast, found.swept[fast]), parse_math=False)
-    panel.set_ylabel(labelled(slow, found.swept[slow]), parse_math=False)
+    names = list(found.swept)
+    panel.set_xlabel(labelled(names[1], fast), parse_math=False)
+    panel.set_ylabel(labelled(names[0], slow), parse_math=False)
     return figure

@@ -9,7 +9,6 @@ import numpy as np
 
 from compiler.api import Array
 
-from ...errors import UsageError
 from ..text.analyses import ReportedUnits
 from ..text.tables import labelled, short, time_unit, visible
 from .sheet import PANELS, curve_style, legend, picture, rows, stack, tell_omitted
@@ -30,13 +29,13 @@ Curve = tuple[str, Array]
 
 
 @picture
-def plot_result(result: Result) -> Figure:
-    """Return one panel for each shown unit: at most six panels with sixteen curves each; omitted ones are named below."""
+def plot_result(result: Result, ax: Axes | Sequence[Axes] | None = None) -> Figure:
+    """Return one panel for each shown unit: at most six panels with sixteen curves each; omitted ones are named below a sheet of our own."""
     groups = group_by_unit(result)
     shown = list(groups.items())[:PANELS]
     omitted = [name for _, curves in shown for name, _ in curves[CURVES:]]
     omitted += [name for curves in list(groups.values())[PANELS:] for name, _ in curves]
-    figure, panels = rows(result.title, len(shown))
+    figure, panels = rows(result.title, len(shown), ax)
     labels = (f"{short(c[0][0], 30) if len(c) == 1 else ''} [{visible(unit)}]".strip() for unit, c in shown)
     curves = [(label, c[:CURVES]) for label, (_, c) in zip(labels, shown, strict=True)]
     factor = _over_time(figure, panels, result.time, curves, _crowded)
@@ -44,9 +43,9 @@ def plot_result(result: Result) -> Figure:
         panels[0].text(0.5, 0.5, "no outputs", transform=panels[0].transAxes, ha="center", va="center")
     for panel in panels[: len(shown)]:
         panel.margins(x=0.0, y=0.08)
-    if len(result.time) > 1:
+    if len(result.time) > 1 and ax is None:
         panels[-1].set_xlim(result.time[0] * factor, result.time[-1] * factor)
-    tell_omitted(figure, omitted)
+    tell_omitted(figure, omitted if ax is None else ())
     return figure
 
 
@@ -78,21 +77,6 @@ def plot_comparison(comparison: CurveComparison) -> Figure:
     panels[-1].set_xlabel(f"time [{unit}]")
     figure.align_ylabels(panels)
     tell_omitted(figure, omitted)
-    return figure
-
-
-def plot_into(result: Result, path: None, panel: Axes) -> Figure:
-    """Draw the outputs into axes of the caller; return their figure. Raises UsageError if the outputs have several units."""
-    groups = group_by_unit(result)
-    if len(groups) != 1:
-        units = ", ".join(f"[{unit}]" for unit in groups) or "none"
-        raise UsageError(
-            "BR942", f"axes take outputs of one unit, and the run shows {units}: say which with `report` or `outputs`"
-        )
-    ((unit, curves),) = groups.items()
-    figure = panel.get_figure(root=True)
-    assert figure is not None, "axes belong to a figure"
-    _over_time(figure, [panel], result.time, [(f"[{visible(unit)}]", curves)])
     return figure
 
 

@@ -99,7 +99,7 @@ def stack(
     if ax is not None:
         panels = list(np.ravel(np.asarray(ax, dtype=object)))
         if len(panels) != count:
-            raise UsageError("BR949", f"the picture has {count} panels, and `ax` has {len(panels)}")
+            raise UsageError("BR949", f"there are {count} panels to draw, one for each unit, and {len(panels)} axes")
         return panels[0].get_figure(root=True), panels
     figure = sheet(title, width, height)
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False, **options)[:, 0])
@@ -110,10 +110,10 @@ def stack(
     return figure, panels
 
 
-def rows(title: str, count: int) -> tuple[Figure, list[Axes]]:
-    """Return a sheet with panels over time, at least one; a single one is higher."""
+def rows(title: str, count: int, ax: Axes | Sequence[Axes] | None = None) -> tuple[Figure, list[Axes]]:
+    """Return a sheet with panels over time, at least one; a single one is higher. As `stack`."""
     count = max(1, count)
-    return stack(title, 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count)
+    return stack(title, 8.0, 1.3 + (2.9 if count == 1 else 1.9) * count, count, ax)
 
 
 def curve_style(place: int) -> dict[str, Any]:

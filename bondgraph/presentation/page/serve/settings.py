@@ -8,11 +8,11 @@ from typing import Any
 
 from compiler.api import Scale, Source, evaluate, read_unit
 
+from ....author_units import author_units, quantities_in
 from ....compiled_model import CompiledModel
 from ....errors import UsageError
 from ....quantities import quantity
 from ...text.tables import visible
-from ..experiments import author_units, quantities_in
 
 MOST = 200
 COMPUTED = 6  # digits of a value that does not stand in the text
