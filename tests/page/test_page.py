@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
+import subprocess
 from base64 import b64encode
 from hashlib import sha256
 from html.parser import HTMLParser
@@ -161,3 +163,17 @@ def test_expressions_are_typeset() -> None:
 @pytest.mark.machine_code
 def test_the_page_of_the_manipulator_is_small(manipulator_page: Path) -> None:
     assert manipulator_page.stat().st_size <= 1_500_000
+
+
+def test_ticks_of_powers_are_round_numbers() -> None:
+    """Decades; 1, 2 and 5 where there are two of them at most; all round ones inside one of these."""
+    if (node := shutil.which("node")) is None:
+        pytest.skip("no node")
+    script = (Path(bondgraph.__file__).parent / "presentation/page/scripts/plot.js").read_text(encoding="utf-8")
+    begin, end = script.index("// Round numbers inside a range."), script.index("// A tick with as many")
+    spans = "[[0.1, 3], [0.5, 20], [0.01, 1000], [20, 30]]"
+    shown = f"{spans}.map(([a, b]) => powerTicks(Math.log10(a), Math.log10(b), 6).map((t) => +(10 ** t).toFixed(6)))"
+    done = subprocess.run([node, "-p", f"{script[begin:end]} JSON.stringify({shown})"], capture_output=True, check=True)
+    few, more, decades, inside = json.loads(done.stdout)
+    assert (few, more) == ([0.1, 0.2, 0.5, 1, 2], [0.5, 1, 2, 5, 10, 20])
+    assert (decades, inside) == ([0.01, 0.1, 1, 10, 100, 1000], [20, 22, 24, 26, 28, 30])

@@ -26,6 +26,14 @@ function ticks(low, high, most) {
   return found;
 }
 
+// Round numbers inside a range of powers of ten: decades, or 1, 2 and 5 in each, or all where these are few.
+function powerTicks(low, high, most) {
+  const decades = ticks(low, high, most).filter(Number.isInteger), found = [];
+  if (decades.length > 2) return decades;
+  for (let k = Math.floor(low); k <= high; k++) found.push(...[1, 2, 5].map((digit) => k + Math.log10(digit)).filter((t) => t >= low - 1e-9 && t <= high + 1e-9));
+  return found.length > 2 ? found : ticks(10 ** low, 10 ** high, most).map(Math.log10);
+}
+
 // A tick with as many decimals as tell it from its neighbours.
 function tickWords(value, step) {
   if (Math.abs(value) < step * 1e-6) return "0";
@@ -112,9 +120,7 @@ class Plot {
   frame() {
     const found = [], [low, high] = this.view.range, { factor, log } = this.axis;
     const right = this.width - RIGHT, bottom = HEIGHT - BOTTOM;
-    const xs = ticks(low * factor, high * factor, Math.max(2, Math.floor((this.width - LEFT) / 90)));
-    const whole = log ? xs.filter(Number.isInteger) : [];
-    if (whole.length > 1) xs.splice(0, xs.length, ...whole);
+    const xs = (log ? powerTicks : ticks)(low * factor, high * factor, Math.max(2, Math.floor((this.width - LEFT) / 90)));
     const ys = ticks(...this.scale, 5);
     for (const t of xs) {
       const x = this.x(t / factor);
