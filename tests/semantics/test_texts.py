@@ -86,7 +86,8 @@ def test_nothing_outside_of_the_project_is_read(folder: Path) -> None:
         ("output y = a", "BG111", 'this is the text "one"'), ("output y = norm(a)", "BG111", 'the text "one"'), ("output y = a if n > 1 else a", "BG111", "the text"),
         ("parameter b: mm = \"x\"", "BG111", "this is a text"), ("constant b = (\"x\", \"y\")", "BG111", "A number"), ("output y = 1 if a == n else 0", "BG111", "A text is expected here, this is `n`"),
         ("output y = 1 if 3 == a else 0", "BG111", "this is `3`"), ('output y = a < "b"', "BG111", "this is `<`"), ("output y = not a", "BG111", "the text"), ("signal s = a", "BG111", "A number"),
-        ("experiment e { set a = n; simulate 0 .. 1 s }", "BG111", "A text for `a` is expected here, this is `n`"), ('experiment e { sweep a = "x", "y"; simulate 0 .. 1 s }', "BG111", "A number"),
+        ("experiment e { set a = n; simulate 0 .. 1 s }", "BG111", "A text for `a` is expected here, this is `n`"), ('experiment e { sweep n = "x", "y"; simulate 0 .. 1 s }', "BG111", "A number"),
+        ("experiment e { sweep a = 1, 2; simulate 0 .. 1 s }", "BG122", "`a` of `the sweep` cannot be `1`"),
         ("parameter b: text", "BG110", "`b` has no value"), ("parameter b: text = 3", "BG111", "A text for `b`"), ('output y = 1 if kind == "soft" else 0', "BG111", "One of soft, hard"), ("when time > 1 s { a = \"b\" }", "BG153", "cannot be set"),
     ],
 )  # fmt: skip
