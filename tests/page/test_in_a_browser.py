@@ -172,6 +172,13 @@ def test_a_mechanism_moves_with_the_cursor(pendulum: str, open_page: Open) -> No
     assert opened.console == []
 
 
+# The dots of the fine picture, which follows the coarse one of a motion.
+FINE = """window.fine = async () => {
+  const canvas = document.querySelector('.stage canvas');
+  while (canvas.width < 2 * canvas.parentElement.clientWidth) await new Promise((then) => setTimeout(then, 20));
+  return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+}"""
+
 TWO = """model Two {
   multibody m : spatial {
     body near { mass = 3 kg, inertia = 1 [kg*m^2]*(0.08, 0.08, 0.08), at = (0, -1 m, 0), start x.v = 0 [m/s] }
@@ -187,12 +194,13 @@ TWO = """model Two {
 def test_what_is_near_hides_what_is_far(open_page: Open, tmp_path: Path) -> None:
     """Two balls behind each other, in the colours of their bodies: seen from the front, from behind and from the side; then one moves past."""
     page = open_page(written(bondgraph.load(TWO), tmp_path)).page
-    dots = """([key, times]) => {
+    page.evaluate(FINE)
+    dots = """async ([key, times]) => {
       for (let i = 0; i < times; i++) document.activeElement.dispatchEvent(new KeyboardEvent('keydown', { key }));
-      const canvas = document.querySelector('.stage canvas'), data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+      const { data, width, height } = await fine();
       let near = 0, far = 0;
       for (let i = 0; i < data.length; i += 16) if (data[i + 3] > 200) { if (data[i + 2] > 1.2 * data[i]) near++; else if (data[i] > 1.2 * data[i + 2]) far++; }
-      return [4 * near / canvas.width / canvas.height, 4 * far / canvas.width / canvas.height];
+      return [4 * near / width / height, 4 * far / width / height];
     }"""
 
     def turned(key: str, times: int) -> Any:
@@ -239,10 +247,11 @@ ABOVE = """model Above {
 def test_bodies_cast_shadows(open_page: Open, tmp_path: Path) -> None:
     """A ball in the sun glides over a table, then beyond it: its shadow is on the table, then on the floor; no floor is seen from its level or from below."""
     page = open_page(written(bondgraph.load(ABOVE), tmp_path)).page
+    page.evaluate(FINE)
     # Shares of the picture: floor in the sun, floor in shadow, table in the sun, table in shadow (seen from above); and where the floor's shadow is.
-    dots = """keys => {
+    dots = """async keys => {
       for (const key of keys) document.querySelector('.stage').dispatchEvent(new KeyboardEvent('keydown', { key }));
-      const { width, height } = document.querySelector('.stage canvas'), data = document.querySelector('.stage canvas').getContext('2d').getImageData(0, 0, width, height).data;
+      const { data, width, height } = await fine();
       let sunny = 0, shadow = 0, bright = 0, dim = 0, right = 0;
       for (let i = 0; i < data.length; i += 4) {
         const [r, g, b, a] = data.slice(i, i + 4);
