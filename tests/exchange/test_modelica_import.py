@@ -204,6 +204,9 @@ REFUSED = {
     "moves with what is set": "discrete Real a, b; equation when time > 1 then a = b; b = a + 1; end when;",
     "`edge` cannot be imported here": "Boolean b; Real x; equation b = time > 1; x = if edge(b) then 1 else 0;",
     "too large a number": "Real x; equation x = 1e999;",
+    "`change(…)`": "discrete Real n, m; equation when time > 1 then n = 1; end when; when change(n) then m = 2; end when;",
+    "`StopTime` is not a number": "Real x; equation x = 1; annotation(experiment(StopTime = T));",
+    "`M` ends as `N`": "Real x; equation x = 1; end N; model M2 Real x; equation x = 1;",
 }  # fmt: skip
 
 
@@ -278,6 +281,23 @@ def test_a_condition_that_holds_at_the_start_does_not_act_there() -> None:
         to=2, points=3
     )
     assert result["y"] == pytest.approx([0, 1, 0.8])
+
+
+ENDS = {  # x at t = 2 s
+    "Real y(start = 3, fixed = true); equation y = 2*x; der(x) = 0;": 1.5,
+    "equation der(x) = 1; annotation(experiment(StartTime = -3, StopTime = 4/2));": 5,
+    "Real y(start = 0, fixed = true); equation der(x) = 1; der(y) = 1; when x > 1 then reinit(y, -1); elsewhen y > 1 then reinit(x, 7); end when;": 2,
+    'Real y "in" + " two"; equation der(x) = y; y = delay(time, 1, 2);': 0.5,
+    'parameter Real a(unit = "m7") = 2; parameter Real d = a; equation der(x) = d^3;': 16,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("body", ENDS)
+def test_values_are_those_of_modelica(body: str) -> None:
+    result = bondgraph.load(imported(f"model M Real x(start = 0); {body} end M;")).simulate(
+        to=None if "experiment" in body else 2, points=3
+    )
+    assert result["x"][-1] == pytest.approx(ENDS[body], rel=1e-6)
 
 
 COUNTS = {  # what counts until t = 10 s; sin(time) > 0.5 begins at 0.52 s and 6.81 s, sin(time) > -0.3, which holds at the start, at 5.98 s

@@ -11,7 +11,7 @@ from compiler.api import printable
 
 from .functions import EVENTS, REPLACED, WRITTEN
 from .parse import SCALARS, FlatModel
-from .tree import TRUE, ZERO, Term, is_call, joined, named, negated, rebuilt, walk
+from .tree import FALSE, TRUE, ZERO, Term, is_call, joined, named, negated, rebuilt, walk
 
 KINDS = ("name", "number", "truth", "sum", "product", "power", "compare", "or", "and", "not", "choice", "call")
 MAXIMUM_PARTS = 2_000  # of a term that stands for another one
@@ -74,6 +74,14 @@ class Normalizer:
             else:
                 form.pairs.append((left, right, place))
         form.pairs = [(self._settled(left), self._settled(right), place) for left, right, place in form.pairs]
+        moving = form.states.keys() | form.modes.keys()
+        for item in model.declared.values():
+            is_fixed = (
+                item.attributes.get("fixed", FALSE) == TRUE and item.kind == "Real" and "discrete" not in item.prefixes
+            )
+            if is_fixed and not item.is_given and item.name not in moving:
+                start = form.starts.get(item.name, ZERO)
+                form.initial.append((named(item.name), start, Term("name", item.name, (), item.place)))
         form.requirements = [(self._settled(condition), words) for condition, words in form.requirements]
 
     # ------------------------------------------------------------ expressions
@@ -129,7 +137,9 @@ class Normalizer:
                 return Term("name", f"der({own.name})", (), term.place)
         elif WRITTEN.get(name, ("", -1))[1] == count or (name in ("sample", "reinit") and count == 2):
             return term
-        if name in ("pre", "edge", "change") and count == 1 and parts[0].kind == "name":
+        if count == 1 and (
+            self.is_truth(parts[0]) if name in ("edge", "change") else name == "pre" and parts[0].kind == "name"
+        ):
             return term
         hint = EVENTS.get(name, "Elementary functions are there; a flattener can inline others.")
         self.model.refuse(term, f"the call `{printable(name)}(…)`, as it is here, cannot be imported", hint)
@@ -196,11 +206,20 @@ class Normalizer:
         items = [t for pair in zip(conditions[:-1], values[:-1], strict=True) for t in pair]
         return self.term(Term("choice", "", (*items, values[-1])))
 
-    def _whens(self, equation: Term) -> Iterator[When]:
+    def _whens(self, equation: Term) -> list[When]:
+        """Return the branches of a `when`; as one, the first of which acts, if they set different things."""
         parts = [p for p in equation.parts if p.kind not in ("description", "annotation")]
+        whens = []
         for condition, body in zip(parts[::2], parts[1::2], strict=True):
             several = condition.parts if condition.kind == "array" else (condition,)
-            yield When(tuple(map(self.term, several)), self._settings(body.parts), condition)
+            whens.append(When(tuple(map(self.term, several)), self._settings(body.parts), condition))
+        names = list(dict.fromkeys(name for when in whens for name in when.settings))
+        if all(len(when.settings) == len(names) for when in whens):  # the language refuses what one instant sets twice
+            return whens
+        rows = [(joined("or", *(Term("call", "edge", (c,)) for c in when.conditions)), when.settings) for when in whens]
+        truths, old = [*(t for t, _ in rows), TRUE], {n: Term("call", "pre", (named(n),)) for n in names}
+        chosen = {n: self.chosen(truths, [*(s.get(n, old[n]) for _, s in rows), old[n]]) for n in names}
+        return [When(tuple(c for when in whens for c in when.conditions), chosen, whens[0].place)]
 
     def _settings(self, body: Iterable[Term]) -> dict[str, Term]:
         """Return what a branch of a `when` sets."""

@@ -16,6 +16,7 @@ from lark.visitors import Transformer_NonRecursive
 
 from compiler.api import CompilationFailed, Diagnostic, Source, Span, printable
 
+from .functions import ERRORS, number_of
 from .tree import ComponentDeclaration, Term
 
 MAXIMUM_SIZE = 4_000_000  # characters of one file
@@ -77,6 +78,8 @@ class TreeBuilder(Transformer_NonRecursive[lark.Token, Term]):  # brackets may b
             word, parts = parts[0].word, parts[1:]
         elif kind == "name":
             word = "".join(c.word if isinstance(c, Term) else f".{_plain(c)}" for c in children)[1:]
+        elif kind == "description":
+            word = f'"{"".join(w[1:-1] for w in words[::2])}"'
         elif kind == "subscripts":
             word = f"[{','.join(p.word if p.kind == 'number' else ':' for p in parts)}]"
         if "." in word and kind in ("sum", "product", "power"):
@@ -142,7 +145,9 @@ class _ModelReader:
         if not models:
             self.model.refuse((0, 0), "the file has no model")
             self.model.stop()
-        name, *items = models[0].parts[:-1]
+        name, *items, end = models[0].parts
+        if end.word != name.word:
+            self.model.refuse(end, f"`{printable(name.word)}` ends as `{printable(end.word)}`", "Write its name.")
         self.model.name = name.word
         self._read(items, frozenset())
 
@@ -172,9 +177,12 @@ class _ModelReader:
                 equations += [e for e in item.parts if e.kind != "annotation"]
                 self._read([e for e in item.parts if e.kind == "annotation"], prefixes)
             elif item.kind == "annotation":
-                facts = _attributes(item.parts[0]).get("experiment", Term("modifiers"))
-                numbers = {n: t for n, t in _attributes(facts).items() if t.kind == "number"}
-                model.experiment |= {n: float(t.word) for n, t in numbers.items()}
+                facts = _attributes(_attributes(item.parts[0]).get("experiment", Term("modifiers")))
+                for name in facts.keys() & {"StartTime", "StopTime", "Tolerance"}:
+                    try:
+                        model.experiment[name] = number_of(facts[name])
+                    except ERRORS:
+                        model.refuse(facts[name], f"`{name}` is not a number here", "Write its value.")
             else:
                 what = (
                     f"the {item.word} `{printable(item.parts[0].word)}`" if item.kind == "class" else f"`{item.kind}`"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from .functions import VALUES
+from .functions import ERRORS, computed
 from .normal_form import NormalForm, Pair
 from .parse import FlatModel
 from .system import SortedSystem, inlined, isolated
@@ -96,22 +96,6 @@ class StartEvaluator:
             return values[1] if values[0] else self.value(Term("choice", "", term.parts[2:]), depth) if len(values) > 3 else values[2]  # fmt: skip
         numbers = [v for v in values if v is not None]
         try:
-            return float(_computed(term, numbers)) if len(numbers) == len(values) else None
-        except (ArithmeticError, ValueError, TypeError, KeyError):
+            return float(computed(term, numbers)) if len(numbers) == len(values) else None
+        except ERRORS:
             return None
-
-
-def _computed(term: Term, values: list[float]) -> float:
-    if term.kind in ("number", "truth"):
-        return float(term.word) if term.kind == "number" else term.word == "true"
-    if term.kind in ("sum", "product"):
-        result = float(term.kind == "product")
-        for sign, value in zip(term.word, values, strict=True):
-            result = {"+": result + value, "-": result - value, "*": result * value}[sign] if sign != "/" else result / value  # fmt: skip
-        return result
-    if term.kind == "not":
-        return 1 - values[0]
-    if term.kind == "compare":
-        a, b = values
-        return {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "<>": a != b}[term.word]
-    return values[0] ** values[1] if term.kind == "power" else VALUES[term.word](*values)  # type: ignore[no-any-return]

@@ -17,7 +17,7 @@ from .tree import ComponentDeclaration, Term, is_call, names_in, walk
 
 ONE, SECOND = (Dimension(tuple(Fraction(int(i == base)) for i in range(7))) for base in (-1, 2))
 ROUNDS = 30  # through all equations
-LARGEST = 8  # exponent of a unit that is taken
+LARGEST = 4  # exponent of a unit that is taken
 LONGEST_UNIT = 100  # characters
 
 
