@@ -279,9 +279,9 @@ def _request(
     experiment: str | None, settings: Mapping[str, str | float] | None, keywords: Mapping[str, Any]
 ) -> RunRequest:
     """Return the runs of a call with these keywords."""
-    from ..simulation.run_options import RunOptions, RunRequest
+    from ..simulation.run_options import RunRequest, options_of
 
-    options = RunOptions(**{name: value for name, value in keywords.items() if name != "outputs"})
+    options = options_of(**{name: value for name, value in keywords.items() if name != "outputs"})
     return RunRequest(experiment, dict(settings or {}), names_of(keywords.get("outputs")), options)
 
 

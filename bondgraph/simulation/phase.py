@@ -130,8 +130,8 @@ class Phase:
         stepper = self.stepper
         if stepper is None or stepper.begins is None or self.begin is not None or self.trajectory.handover is not None:
             return None
-        self.values, self.trajectory = None, empty(self.program, self.instants[:0])
-        stepper.begin_again(self.instants, self.watch, None, self.trajectory)
+        self.values, self.trajectory = None, Trajectory(np.empty((0, 0)))
+        stepper.result, stepper.choice = self.trajectory, None
         return self
 
     def begun_again(self, instants: Array) -> Phase:
@@ -281,20 +281,24 @@ class Phase:
 
     def terms_of_outputs(self) -> Callable[[], OutputTerms]:
         """Return the function that finds the terms of the outputs. It keeps no trajectory in memory."""
-        program, inputs, constants, solution = self.program, self.inputs, self.constants, self._solution()
-        places = places_of_terms(self.instants, self.trajectory.states, solution.segments)
-        tolerances, rtol, absolute = self.shared.tolerances, self.options.rtol, np.zeros(len(program.states.names))
-        if tolerances is not None and not self.trajectory.exact:
-            levels = smallest_angles(program, self.compilation.facts.mechanisms, ("1", "1/s", "m", "m/s"))
-            rests = (
-                tolerances.guessed if places is None else tolerances.guessed | (np.abs(places[1]).max(axis=0) <= levels)
-            )
-            absolute = np.where(rests, 0.0, tolerances.absolute)[: len(absolute)]
+        program, inputs, constants, trajectory = self.program, self.inputs, self.constants, self.trajectory
+        places = places_of_terms(self.instants, trajectory.states, trajectory.pieces or self.stretches)
+        rtol, mechanisms = self.options.rtol, self.compilation.facts.mechanisms
+        tolerances = None if trajectory.exact else self.shared.tolerances
+        of_steps = None if tolerances is None else (tolerances.absolute, tolerances.guessed)
 
         def output(times: Array, states: Array, mode: Array) -> Any:
             return program.output(times, states, inputs, constants, mode)
 
-        return lambda: terms_of_outputs(program, output, places, absolute, rtol)
+        def terms() -> OutputTerms:
+            least = np.zeros(len(program.states.names))
+            if of_steps is not None:
+                (absolute, rests), levels = of_steps, smallest_angles(program, mechanisms, ("1", "1/s", "m", "m/s"))
+                rests = rests if places is None else rests | (np.abs(places[1]).max(axis=0) <= levels)
+                least = np.where(rests, 0.0, absolute)[: len(least)]
+            return terms_of_outputs(program, output, places, least, rtol)
+
+        return terms
 
     def go(self) -> None:
         """Integrate and evaluate the outputs, up to the end or to the instant from which other states should be integrated.
@@ -390,9 +394,9 @@ class Phase:
         if self.history is not None:
             self.history.window = (-np.inf, np.inf)
         assembled = self.constraints.assembled if self.begin is None else None  # only of the first phase
-        undetermined = self.compilation.facts.undetermined
-        self.notes += phase_notes(self._solution(), self.shared.course.notes, self.events, undetermined, assembled)
-        self.doubts += phase_doubts(self._solution(), self.options.rtol, self.events, self.compilation)
+        undetermined, solution = self.compilation.facts.undetermined, self._solution()
+        self.notes += phase_notes(solution, self.shared.course.notes, self.events, undetermined, assembled)
+        self.doubts += phase_doubts(solution, self.options.rtol, self.events, self.compilation)
         self.instants = self.instants[: len(self.trajectory.states)]
         if self.options.bandwidth is not None:
             from .truncation.report import left_out_of

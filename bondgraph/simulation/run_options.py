@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from operator import index
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from compiler.api import dataclass
 
 from ..compiled_scene import chosen_target
 from ..errors import UsageError
@@ -45,6 +47,9 @@ class RunOptions:
     error: bool = False
     extremes: bool = False
     parts: int = field(default=1, kw_only=True)  # number of parts; the integrator restarts between them
+
+
+options_of = lru_cache(typed=True)(RunOptions)  # most calls have those of the call before
 
 
 @dataclass(frozen=True, slots=True)

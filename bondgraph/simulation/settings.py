@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded, full_name
+from compiler.api import CompilationFailed, Override, Scene, Source, Span, ValuesNeeded, dataclass, full_name
 
 from ..compiled_model import LIBRARY, MOST_KEPT, CompiledModel, most_parts, refuse_twice
 from ..memo import keep
@@ -54,6 +54,8 @@ def settle(
         overrides = [*scene.overrides, *(_argument(name) for name in sorted(later))]
         return model.compiled_scene(replace(scene, overrides=tuple(overrides)), everything, target)
 
+    if not settings:
+        return model.recall(("settings", experiment, outputs, everything), lambda: Settled(scene_with({}), {}))
     names = [full_name(name) for name in settings]
     refuse_twice(names)
     numbers = {
@@ -86,9 +88,7 @@ def settle(
         except CompilationFailed:
             pass  # raised again below, with the values, if they are wrong too
         break
-    if settings:
-        return Settled(scene_with(settings), {})
-    return Settled(model.recall(("settings", experiment, outputs, everything), lambda: scene_with(settings)), {})
+    return Settled(scene_with(settings), {})
 
 
 @dataclass(frozen=True, slots=True)

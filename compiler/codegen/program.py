@@ -281,7 +281,7 @@ class Program:
     kept: dict[object, Any] = field(init=False, default_factory=dict, repr=False)
     # results of runs that depend on the program alone, computed once; never those that depend on a run's values
 
-    @property
+    @cached_property
     def watched(self) -> bool:
         """True if a run has limits to check along its way, not at its start alone."""
         return not all(note.fixed for note in self.limits)

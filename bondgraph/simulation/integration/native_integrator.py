@@ -180,7 +180,8 @@ class NativeIntegrator:
         stepper.result.steps += record.steps
         stepper.count(solver.evaluations)
         stepper.result.rounded = max(stepper.result.rounded, record.rounded)
-        stepper.result.missed = np.maximum(stepper.result.missed, solver.missed)
+        if np.count_nonzero(solver.missed):
+            stepper.result.missed = np.maximum(stepper.result.missed, solver.missed)
         stepper.tell_crawling(solver, record.steps, self.stretch)
         if stepper.events is not None:
             stepper.grow(solver.greatest * self.tolerances.magnitude)

@@ -110,11 +110,12 @@ class SegmentIntegrator(IntegrationState):
 
     def _by_steps(self, stretch: Segment, x: Array) -> Any:
         """Integrate one segment by a method that chooses its steps."""
-        from .method import method_of
         from .native_integrator import Beginning, NativeIntegrator, is_repeatable, target_of
 
         target, machine, begins = target_of(self), self.machine, self.begins
         if begins is None or machine is not None:
+            from .method import method_of
+
             repeatable = machine is None and is_repeatable(self)
             begins = Beginning(repeatable, *method_of(self, stretch, x, target == "native"))
             if self.begins is None:  # else an earlier run has come through here

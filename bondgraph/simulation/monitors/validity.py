@@ -38,12 +38,13 @@ class ValidityMonitor:
         self.program, self.fixed, self.rtol = program, (inputs, constants), rtol
         self.left: dict[int, LimitLeft] = {}
         self.moves, self.begun = program.watched, False
-        self.places: list[slice] = program.kept.get("places of limits") or _places(program)
+        places: list[slice] | None = program.kept.get("places of limits")
+        self.places = _places(program) if places is None else places
 
     @property
     def warnings(self) -> tuple[LimitLeft, ...]:
         """Violated limits, in the order of time."""
-        return tuple(sorted(self.left.values(), key=lambda item: item.time))
+        return tuple(sorted(self.left.values(), key=lambda item: item.time)) if self.left else ()
 
     def look(self, times: Array, mode: Array, state_at: StateAt, tables: bool = True) -> None:
         """Check rising instants of one smooth segment; the limits held before the first of them, or a run begins there.

@@ -49,7 +49,7 @@ def places_of_terms(instants: Array, states: Array, segments: Sequence[Segment])
     if not begin < end <= points or not 0 < count <= MOST_STATES:
         return None
     places = [int(begin + place * (end - begin)) for place in PLACES]
-    return instants[places], states[..., places, :], longest.mode
+    return instants.take(places), states.take(places, -2), longest.mode
 
 
 def terms_of_outputs(

@@ -63,7 +63,7 @@ def phase_notes(
 
 def misses_rates(trajectory: Trajectory) -> bool:
     """Return True if a step has missed rates, by far more than the tolerance."""
-    return bool(np.max(trajectory.missed) > MISSED)
+    return type(trajectory.missed) is not float and bool(trajectory.missed.max() > MISSED)
 
 
 def phase_doubts(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from operator import ne
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from compiler.api import dataclass
 
 from ...quantities import listed
 from ...results.records import EnergyBalance

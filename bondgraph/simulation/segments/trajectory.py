@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from compiler.api import SOLVERS, Array, Program
+from compiler.api import SOLVERS, Array, Program, dataclass
 
 from .timeline import Segment
 

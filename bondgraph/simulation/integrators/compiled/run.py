@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 SMALL_MODEL = 64  # states; steps of smaller ones take some microseconds
 AT_ONCE = 0.05  # s that machine code runs before Python may be interrupted
-OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left")  # fields that are read often
+OFTEN = ("state", "end_time", "end_state", "error", "greatest", "left", "missed")  # fields that are read often
 WRITTEN = "state", "absolute", "peak", "mode"  # given arrays into which machine code writes
 KEPT_STEPS, KEPT_NUMBERS = 512, 1 << 20  # most steps, and numbers, that are stored before Python looks at them
 SMALL = 1e-3  # ratio of a pivot to the largest number that it divides, below which another order is chosen
@@ -140,6 +140,7 @@ class CompiledMethod:
             self.values.put({"root_narrow": 1, "always": int(program.watched)})
         self.fixed_size: float | None = None  # size of all steps, for a method with equal steps
         self._mode: Any = None  # the mode set last
+        self._selection: RecordArray | Plain | None = None
         self._record = self.values.record
 
     def report(self, instants: Array, position: int, states: Array) -> None:
@@ -164,8 +165,11 @@ class CompiledMethod:
 
     def choose(self, choice: Choice) -> None:
         """Stop where other states should be integrated."""
-        if choice:
-            self.values.put({"selection": selection_record(choice)})
+        if choice and self._selection is None:
+            self._selection = selection_record(choice)
+            self.values.put({"selection": self._selection})
+        elif self._selection is not None:
+            self._selection.put({"peak": choice.peak})
 
     def measure(self, work: Array, traffic: float) -> None:
         """Add up the work at all ports, starting from these values."""

@@ -22,6 +22,14 @@ def keep_missed(s: IntegratorWorkspace, end: float, size: float, slope: Floats) 
     Newton's method takes what is left for rounding in a stiff law. Then a change by the whole tolerance in its direction turns it round, or makes it many times
     as large. Where it hardly changes, the solution is elsewhere.
     """
+    for i in range(s.differential):
+        if abs(s.rate[i] - slope[i]) > UNSOLVED * (abs(s.rate[i]) + abs(slope[i])):  # hardly ever
+            keep_parts(s, end, size, slope)
+            return
+
+
+def keep_parts(s: IntegratorWorkspace, end: float, size: float, slope: Floats) -> None:
+    """Keep what rates would move each state, where some are off."""
     n = s.n
     parts = s.f
     most = 0.0
