@@ -103,3 +103,30 @@ def test_swept_values_are_in_the_units_that_the_author_wrote() -> None:
     assert legend is not None and [t.get_text() for t in legend.get_texts()] == ["k_s = 10 N/mm", "k_s = 20 N/mm"]
     relief = plot_surface(both, None, "x")
     assert (relief.axes[0].get_xlabel(), relief.axes[0].get_ylabel()) == ("T [degC]", "k_s [N/mm]")
+
+
+def test_a_response_is_without_dips_to_rounding_and_few_decades_have_ticks_at_1_2_and_5() -> None:
+    """An absorber takes the motion at its frequency; a decline over many decades is shown whole."""
+    text = """model Absorber {
+      input f: N = 0 N
+      MSe push : F = f
+      I body : p = 1 [kg]*v
+      C spring : F = 1000 [N/m]*x
+      C hook : F = 100 [N/m]*x
+      I ball : p = 1 [kg]*v
+      1 frame : translation
+      0 joint : translation
+      push -> frame -> body, spring, joint
+      joint -> hook, ball
+      output v = body.v, u = ball.v
+    }"""
+    response = bondgraph.load(text).response(["f"], low=1.25 / np.pi, high=20 / np.pi, points=5)
+    figure = response.plot()
+    upper = figure.axes[0]
+    values = upper.lines[0].get_ydata()
+    at_dip = np.abs(response.frequencies - 5 / np.pi) < 1e-6
+    assert response.magnitude[at_dip, 0, 0].max() < 1e-12 and min(values) == pytest.approx(1e-6 * max(values))
+    np.testing.assert_array_equal(values[~at_dip], response.magnitude[~at_dip, 0, 0])
+    assert texts(upper)[0].startswith("from f") and "cut at" in texts(upper)[0] and texts(figure.axes[2]) == ["from f"]
+    ticks = (label.get_text() for minor in (False, True) for label in figure.axes[-1].get_xticklabels(minor=minor))
+    assert {"0.5", "1", "2", "5"} <= set(ticks)

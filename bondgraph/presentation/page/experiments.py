@@ -175,11 +175,15 @@ def _response(found: Response) -> Iterator[Curve]:
     """Yield magnitudes in dB, and phases."""
     import numpy as np
 
-    with np.errstate(divide="ignore"):
-        decibels, phase = 20 * np.log10(found.magnitude), found.phase
+    from ..plots.bode import with_cut_dips
+
+    phase = found.phase
     for j, given in enumerate(found.inputs):
         for i, seen in enumerate(found.outputs):
-            yield f"{short(given)} to {short(seen)}", f"dB of {found.unit(given, seen)}", decibels[:, i, j]
+            magnitude, cut = with_cut_dips(found.magnitude[:, i, j])
+            with np.errstate(divide="ignore"):
+                decibels = 20 * np.log10(magnitude)
+            yield f"{short(given)} to {short(seen)}{cut}", f"dB of {found.unit(given, seen)}", decibels
             yield f"phase of {short(given)} to {short(seen)}", "deg", phase[:, i, j]
 
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from ...analysis.response import Response
 
 MOST = 3  # most outputs
-NARROW = 5.0  # ratio of the last to the first frequency below which the axis is linear
+NARROW, WIDE = 5.0, 100.0  # ratios of frequencies below which the axis is linear, or has ticks at 1, 2 and 5
+DEEPEST = 1e-6  # of a dip, relative to the largest magnitude
 
 
 @picture
@@ -32,19 +33,20 @@ def plot_response(found: Response) -> Figure:
     figure, panels = stack(found.title, 8.0, 4.2 * len(shown), len(ratios), height_ratios=ratios)
     phase = found.phase
     for i, output in enumerate(shown):
-        above, below = panels[2 * i], panels[2 * i + 1]
+        above, below, cuts = panels[2 * i], panels[2 * i + 1], list[str]()
         for j in range(len(found.inputs)):
-            above.loglog(found.frequencies, found.magnitude[:, i, j], **curve_style(j))
+            magnitude, cut = with_cut_dips(found.magnitude[:, i, j])
+            above.loglog(found.frequencies, magnitude, **curve_style(j))
+            cuts.append(cut)
             below.semilogx(found.frequencies, phase[:, i, j], **curve_style(j))
         units = {name: found.unit(name, output) for name in found.inputs}
         shared = units[found.inputs[0]] if len(set(units.values())) == 1 else "1"  # else each is told beside its input
         above.set_ylabel(labelled(output, shared), parse_math=False)
         below.set_ylabel("phase [deg]")
-        legend(above, (labelled(f"from {n}", "1" if u == shared else u, 40) for n, u in units.items()), longest=60)
-    panels[-1].set_xlabel("frequency [Hz]")
+        names = (labelled(f"from {n}", "1" if u == shared else u, 40) for n, u in units.items())
+        legend(above, map(str.__add__, names, cuts), longest=70)
     panels[-1].set_xlim(found.frequencies[0], found.frequencies[-1])
-    if found.frequencies[-1] < NARROW * found.frequencies[0]:
-        panels[-1].set_xscale("linear")  # a logarithmic axis would have at most one tick
+    _over_frequency(panels[-1])
     tell_omitted(figure, found.outputs[MOST:], None)
     return figure
 
@@ -59,9 +61,28 @@ def plot_modes(found: Modes, ax: Axes | Sequence[Axes] | None = None) -> Figure:
     panel.semilogx(frequencies, damping, **curve_style(0))
     panel.semilogx(frequencies[1::3], damping[1::3], "o", color=curve_style(0)["color"], markersize=4)
     panel.axhline(0.0, color="#444444", linewidth=0.8)
-    panel.set_xlabel("frequency [Hz]")
+    _over_frequency(panel)
     panel.set_ylabel("damping ratio")
     return figure
+
+
+def _over_frequency(panel: Axes) -> None:
+    """Name the axis; ticks are at 1, 2 and 5 where it has few decades."""
+    panel.set_xlabel("frequency [Hz]")
+    low, high = panel.get_xlim()
+    if high < NARROW * low:
+        panel.set_xscale("linear")  # a logarithmic axis would have at most one tick
+    elif high < WIDE * low:
+        panel.set_xscale("log", subs=(2, 5))
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_formatter("{x:g}")
+
+
+def with_cut_dips(magnitude: Array) -> tuple[Array, str]:
+    """Return magnitudes, cut where they are far below the largest and below both ends, and the words for it: rounding would stretch an axis."""
+    positive = magnitude[np.isfinite(magnitude) & (magnitude > 0)]
+    cut = float(min(positive.max() * DEEPEST, positive[0], positive[-1])) if len(positive) else 0.0
+    return np.maximum(magnitude, cut), f", cut at {20 * np.log10(cut):.0f} dB" if (magnitude < cut).any() else ""
 
 
 def stems(found: Modes) -> tuple[Array, Array]:
