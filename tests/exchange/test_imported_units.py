@@ -312,6 +312,22 @@ def test_a_unit_that_fails_is_told_with_its_own_words(tmp_path: Path) -> None:
     exported("model Limited { input u = 0\n output y = linear(u, (0, 1), (0, 2))\n experiment e { simulate 0 .. 1 s } }", tmp_path)  # fmt: skip
     with pytest.raises(RunFailed, match=r"the unit `u` \(.*unit.fmu\) failed.*The table .* is asked outside"):
         importing(tmp_path, "Limited", "communication_step = 0.1 s, u = 3*time/1 s", "y = u.y", "1 s")
+    with zipfile.ZipFile(file := tmp_path / "unit.fmu") as archive:
+        parts, place = {name: archive.read(name) for name in archive.namelist()}, Path.cwd()
+    for platform, words in (
+        ("other", r"it has no library for \S+ \(it has: other\)"),
+        (None, "shared library .*Limited"),
+    ):
+        with zipfile.ZipFile(file, "w") as archive:
+            for name, data in parts.items():
+                is_library = name.startswith("binaries/")
+                archive.writestr(
+                    name if platform is None or not is_library else f"binaries/{platform}/m",
+                    b"no library" if is_library else data,
+                )
+        with pytest.raises(RunFailed, match=rf"the unit `u` \(.*unit.fmu\) failed.*{words}"):
+            importing(tmp_path, "Limited", "communication_step = 0.1 s", "y = u.y", "1 s")
+        assert Path.cwd() == place  # where FMPy stays in the folder of a library that does not load
     (tmp_path / "unit.fmu").write_bytes(b"no archive")
     (told,) = bondgraph.check(written('import A from "unit.fmu"\nmodel M { A a\n output y = a.y }', tmp_path))[:1]
     assert "it is no functional mock-up unit" in told.sentence

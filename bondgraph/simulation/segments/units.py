@@ -89,16 +89,23 @@ class CoSimulatedUnit:
 
     def _begin(self, time: float, values: Mapping[str, float]) -> None:
         """Instantiate the unit, and initialize it with its parameters and inputs."""
-        from fmpy import fmi2, fmi3
+        from fmpy import fmi2, fmi3, platform, platform_tuple
 
         unit, older = self.description, self.description.version == "2.0"
         if unit.has_steps:
             make = fmi2.FMU2Slave if older else fmi3.FMU3Slave
         else:
             make = fmi2.FMU2Model if older else fmi3.FMU3Model
-        instance = make(
-            guid=unit.token, unzipDirectory=self.folder, modelIdentifier=unit.identifier, instanceName=unit.name
-        )
+        own, there = platform if older else platform_tuple, sorted(p.name for p in Path(self.folder).glob("binaries/*"))
+        if own not in there:
+            raise ValueError(f"it has no library for {own} (it has: {', '.join(there) or 'none'})")
+        place = os.getcwd()
+        try:
+            instance = make(
+                guid=unit.token, unzipDirectory=self.folder, modelIdentifier=unit.identifier, instanceName=unit.name
+            )
+        finally:
+            os.chdir(place)  # FMPy stays in the folder of a library that does not load
         if older:
             instance.instantiate(callbacks=_callbacks(self.messages))
             instance.setupExperiment(startTime=time)
