@@ -47,19 +47,19 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip("there is no LLVM, or it is hidden")
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out cases of tests with a marker `few`, the same in every run; none with `--long` or where a test is named."""
+    """Leave out cases of tests with a marker `few`, and of all tests with `--cases`, the same in every run; none with `--long` or where a test is named. What `-k` and `-m` leave out is not counted."""
     if config.getoption("--long") or any("::" in argument for argument in config.args):
         return
-    cases = defaultdict(list)
+    cases, most = defaultdict(list), config.getoption("--cases")
     for item in items:
-        if item.get_closest_marker("few"):
-            cases[item.nodeid.partition("[")[0]].append(item)
+        cases[item.nodeid.partition("[")[0]].append(item)
     left_out: set[pytest.Item] = set()
     for group in cases.values():
-        (number,) = group[0].get_closest_marker("few").args
+        numbers = [*(marker.args[0] for marker in group[0].iter_markers("few")), *([most] if most else [])]
         group.sort(key=lambda item: zlib.crc32(item.nodeid.encode()))
-        left_out.update(group[number:])
+        left_out.update(group[min(numbers) :] if numbers else ())
     items[:] = [item for item in items if item not in left_out]
     config.hook.pytest_deselected(items=list(left_out))
 
@@ -86,6 +86,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--update-golden", action="store_true", help="write the golden files anew instead of comparing with them"
     )
     parser.addoption("--long", action="store_true", help="run all cases of the tests that take long")
+    parser.addoption("--cases", type=int, help="run at most so many cases of each test")
 
 
 @pytest.fixture
