@@ -76,11 +76,13 @@ class Linearization(OfModel, Summarised):
         return StateSpace(self.A, self.B, self.C, self.D)
 
     def to_control(self) -> Any:
-        """Return a `control.StateSpace` of python-control, with the author's names. Raises MissingPackage without it."""
+        """Return a `control.StateSpace` of python-control, with the author's names. Raises MissingPackage without it, ValueError for what it cannot hold."""
         try:
             import control
         except ImportError as error:
             raise MissingPackage("BR208", "this needs python-control:", 'pip install "bondgraph-lang[control]"') from error  # fmt: skip
+        if not self.inputs and 1 in (len(self.states), len(self.outputs)):
+            raise ValueError("python-control holds no system without an input that has one state or one output")
         names = {"states": list(self.states), "inputs": list(self.inputs), "outputs": list(self.outputs)}
         return control.ss(self.A, self.B, self.C, self.D, **names)
 

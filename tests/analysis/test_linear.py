@@ -130,6 +130,8 @@ def test_to_control() -> None:
         assert "bondgraph-lang[control]" in str(missing)
         return
     assert list(system.state_labels) == list(linear.states) and (system.A == linear.A).all()
+    with pytest.raises(ValueError, match="no system without an input"):
+        bondgraph.load(MODELS / "oscillator.bg").linearize().to_control()
 
 
 def test_a_parameter_as_input_of_a_computed_quantity() -> None:
