@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .certificate import Certificate
     from .chance import DISTRIBUTIONS, SPREAD, Distribution, fault, kinds_told
     from .codegen.c.write import ARGUMENTS as C_ARGUMENTS
+    from .codegen.c.stepping import c_fields
     from .codegen.c.write import c_string, write_library_c
     from .codegen.c.write import in_single_precision
     from .codegen.cost import Cost, cost

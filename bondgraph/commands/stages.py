@@ -130,7 +130,10 @@ def explain(
     "--icon", flag_value="diagram", help="Of an FMU: with the diagram as its icon, for which matplotlib is needed."
 )
 @click.option(
-    "-e", "--experiment", metavar="NAME", help="Of an FMU: with the settings of this experiment; by default none."
+    "-e",
+    "--experiment",
+    metavar="NAME",
+    help="Of an FMU, and of C with steps of variable size: with the settings of this experiment; by default none.",
 )
 @click.option(
     "--part",
@@ -139,6 +142,9 @@ def explain(
     help="One instance alone, such as a controller; of an SSP, as often as wanted: an instance that is a unit.",
 )
 @click.option("--float", "single", is_flag=True, help="C in float instead of double.")
+@click.option(
+    "--steps", metavar="KIND", help="Of C: fixed (by default), or variable, with the methods and events of a run."
+)
 @model_option
 def compile(
     file: str,
@@ -163,12 +169,15 @@ def compile(
     if out != STREAM:
         check_target(out, endings if target else (*endings, FMU, SSP), "--out")
     is_system = out.endswith(SSP)
-    if (out.endswith(FMU) and part) or (out.endswith((FMU, SSP)) and single) or (len(part) > 1 and not is_system):
-        raise click.UsageError("--part and --float belong to a program as a text; several parts, to a system of units")
+    a_unit, steps = out.endswith((FMU, SSP)), unit.pop("steps")
+    if (out.endswith(FMU) and part) or (a_unit and (single or steps is not None)) or (len(part) > 1 and not is_system):
+        raise click.UsageError(
+            "--part, --float and --steps belong to a program as a text; several parts, to a system of units"
+        )
     if is_system and (port or unit["icon"] is not None):
         raise click.UsageError("--port and --icon belong to an FMU; the ports of the parts of a system are joined")
     platforms, experiment = unit["platforms"], unit["experiment"]
-    if out.endswith((FMU, SSP)):
+    if a_unit:
         words = tuple(p.strip() for p in ("linux64" if platforms is None else platforms).split(","))
         version = "2" if unit["fmi"] is None else unit["fmi"]
         chosen_model = load(file, model)
@@ -179,12 +188,15 @@ def compile(
             ports = {name.strip(): variable.strip() for name, _, variable in parts}
             chosen_model.to_fmu(out, experiment, words, version, ports, unit["icon"] is not None)
         return
+    if steps == "variable":
+        unit["experiment"] = None
     if port or any(value is not None for value in unit.values()):
         raise click.UsageError(
             f"--platforms, --fmi, --port, --icon and --experiment belong to an FMU, a file that ends in {FMU}, or a system of them ({SSP})"
         )
+    kind = target or target_of(PurePath(out).suffix)
     text = load(file, model).compile(
-        target or target_of(PurePath(out).suffix), part=part[0] if part else None, single=single
+        kind, part=part[0] if part else None, single=single, steps=steps or "fixed", experiment=experiment
     )
     with written(out, endings[0]) as path:
         write_text(path, text)

@@ -78,6 +78,17 @@ PLATFORMS: Mapping[str, FmuPlatform] = {
 
 
 @dataclass(frozen=True, slots=True)
+class UnitInstance:
+    """A compiled scene in which all is free, its experiment, and what an instance of it begins with."""
+
+    compilation: Compilation
+    plan: Plan
+    values: StartValues
+    module: LibraryModule
+    image: ModelImage
+
+
+@dataclass(frozen=True, slots=True)
 class _UnitParts:
     """Parts that all platforms share."""
 
@@ -128,25 +139,14 @@ def unit_of(
     if fmi not in VERSIONS:
         raise UsageError("BR618", f"no unit of FMI `{fmi}` can be written; versions are {', '.join(VERSIONS)}")
     version, ports = VERSIONS[fmi], dict(first.ports)
-    chosen_target("native")
-    compilation = _compilation(model, replace(first, experiment=experiment, free=frozenset({"*"})))
-    refuse(compilation)
-    plan = model.compilation(first).plan
-    compiled_scene = model.compiled_scene(compilation.scene, True, "native")
-    example = (
-        None if experiment and first.unit is None else model.compiled_scene(replace(first, unit=None), True, "native")
-    )
-    values = start_values(compiled_scene, compilation, plan, experiment, example)
-    if starts:
-        variables_in = [compilation.lowered.space.variables[number] for number in compilation.lowered.inputs]
-        inputs = [starts.get(i.name, v) for i, v in zip(variables_in, values.inputs, strict=True)]
-        values = replace(values, inputs=inputs)
-    module, structure = api.library_module(compilation.lowered, FUNCTIONS), api.structure_of(compilation.lowered)
+    instance = instance_of(model, first, experiment, starts)
+    compilation, plan, values, module = instance.compilation, instance.plan, instance.values, instance.module
+    structure = api.structure_of(compilation.lowered)
     descriptions = {name: q.description for name, q in compilation.whole_graph.quantities.items()}
     variables = variables_of(compilation.lowered, structure, values, descriptions, version.number == "3.0")
     names = own_names(variables, first.unit)
     variables = tuple(replace(item, name=names[item.name]) for item in variables)
-    image = image_of(compiled_scene.program, module, values)
+    image = instance.image
     token = hashlib.sha256(
         repr((module.text, image, variables, version.number, cache.code_version())).encode()
     ).hexdigest()[:32]
@@ -166,6 +166,27 @@ def unit_of(
     if terminals and version.number == "2.0":
         beside[f"{parts.head.name}_OspModelDescription.xml"] = osp_model_description(terminals).encode("utf-8")
     return FmuUnit(files, variables, names, plan, beside)
+
+
+def instance_of(
+    model: CompiledModel, first: Scene, experiment: str | None, starts: Mapping[str, float] | None = None
+) -> UnitInstance:
+    """Return what the instances of a scene begin with. Raises `CompilationFailed`, `RunFailed`."""
+    chosen_target("native")
+    compilation = _compilation(model, replace(first, experiment=experiment, free=frozenset({"*"})))
+    refuse(compilation)
+    plan = model.compilation(first).plan
+    compiled_scene = model.compiled_scene(compilation.scene, True, "native")
+    example = (
+        None if experiment and first.unit is None else model.compiled_scene(replace(first, unit=None), True, "native")
+    )
+    values = start_values(compiled_scene, compilation, plan, experiment, example)
+    if starts:
+        variables_in = [compilation.lowered.space.variables[number] for number in compilation.lowered.inputs]
+        inputs = [starts.get(i.name, v) for i, v in zip(variables_in, values.inputs, strict=True)]
+        values = replace(values, inputs=inputs)
+    module = api.library_module(compilation.lowered, FUNCTIONS)
+    return UnitInstance(compilation, plan, values, module, image_of(compiled_scene.program, module, values))
 
 
 def _terminals(terminals: Sequence[UnitTerminal], version: FmiVersion, icon: UnitIcon | None) -> dict[str, bytes]:

@@ -128,17 +128,30 @@ class Shown(AnalysedModel):
         return api.write_text(self.compilation(api.Scene(self.model, experiment)).whole_graph)
 
     @checked
-    def compile(self, target: str = "numpy", *, part: str | None = None, single: bool = False) -> str:
+    def compile(
+        self, target: str = "numpy", *, part: str | None = None, single: bool = False, steps: str = "fixed", experiment: str | None = None
+    ) -> str:  # fmt: skip
         """Return the source of a separate program, with every input as an argument, and every parameter that decides no structure.
 
-        Raises `CompilationFailed`, `UsageError`.
+        Raises `CompilationFailed`, `UsageError`; with steps of variable size also `RunFailed`.
 
-        `part`: an instance alone, such as a controller. `single`: C in `float` instead of `double`.
+        `part`: an instance alone, such as a controller. `single`: C in `float` instead of `double`. `steps` of C: `fixed`, or `variable`, with the methods
+        and events of a run; with an experiment, its settings are in it.
         """
         if target not in (targets := api.text_targets()):
             raise UsageError("BR602", f"there is no target `{target}`; targets are {', '.join(targets)}")
         if single and target != "c":
             raise UsageError("BR617", f"the target {target} has no `float`;", "that of C has")
+        if steps not in (kinds := ("fixed", "variable")):
+            raise UsageError("BR624", f"there are no `{steps}` steps; they are {' or '.join(kinds)}")
+        if steps == "variable":
+            if target != "c" or part is not None or single:
+                raise UsageError("BR625", "steps of variable size belong to C in `double`, of a whole model")
+            from ..exchange.embedded import c_with_own_steps
+
+            return c_with_own_steps(self, experiment)
+        if experiment is not None:
+            raise UsageError("BR626", "an experiment is part of C with steps of variable size alone")
         compilation = self.compilation(self.without_zero_divisors(api.Scene(self.model, None, free=frozenset({"*"}))))
         text = compilation.text(target) if part is None else compilation.part_text(part, target)
         return api.in_single_precision(text) if single else text

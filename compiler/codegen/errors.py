@@ -29,7 +29,7 @@ class EvenPower(Diagnostic):
 class NoSteps(Diagnostic):
     code = "BG620"
     title = "A model with events is written in C with a loop over fixed steps, which has no method for {what}"
-    advice = "Compile for numpy, which has functions for all of them; or compile a controller alone, with `--part`."
+    advice = "Compile with `--steps variable`; or for numpy, which has functions for all of them; or a controller alone, with `--part`."
     what: str
 
 
@@ -74,7 +74,7 @@ class UnitInText(Diagnostic):
 
 class NotInUnit(Diagnostic):
     code = "BG606"
-    title = "A functional mock-up unit cannot hold {what} yet"
+    title = "A functional mock-up unit, or C that chooses its steps, cannot hold {what} yet"
     advice = "{instead}"
     what: str
     instead: str

@@ -34,7 +34,7 @@ CALLS = (
     ["continue", "--along", "load=1 N .. 2 N", "--points", "3"], ["invert", "--want", "x=1 mm", "--by", "load"],
     ["fit", "--data", "data.csv", "--parameter", "m=0.1 kg .. 9 kg"], ["show", "--stage", "code"],
 )  # fmt: skip
-WHOLE_TEXT = {"draw", "compile"}, {"draw", "text", "to_fmu", "to_ssp"}  # they show or export the whole text
+WHOLE_TEXT = {"draw", "compile"}, {"draw", "compile", "text", "to_fmu", "to_ssp"}  # they show or export the whole text
 
 
 @pytest.fixture

@@ -56,8 +56,8 @@ def stepping(lowered: Lowered, prefix: str) -> str:
 def _values(lowered: Lowered) -> dict[str, str]:
     """Text of each place of the template."""
     events, variables = lowered.events, lowered.space.variables
-    inputs = _fields([variables[v].name.removeprefix(f"{lowered.space.name}.") for v in lowered.inputs])
-    outputs = _fields(list(lowered.space.outputs))
+    inputs = c_fields([variables[v].name.removeprefix(f"{lowered.space.name}.") for v in lowered.inputs])
+    outputs = c_fields(list(lowered.space.outputs))
     settings = [(i, s) for i, event in enumerate(events.events) for s in event.settings]
     sampled = [i for i, event in enumerate(events.events) if event.sampled]
     conditions = [c.note for c in events.located]
@@ -98,7 +98,7 @@ def _lines(lines: Iterable[str]) -> str:
     return "\n".join(f"    {line}" for line in lines)
 
 
-def _fields(names: Sequence[str]) -> list[str]:
-    """A name of C for each of the author's names."""
+def c_fields(names: Sequence[str]) -> list[str]:
+    """Return a name of C for each of the author's names."""
     identifiers = Identifiers()
     return [identifiers.of(f"v_{name}" if _KEYWORDS.fullmatch(name) else name) for name in names]

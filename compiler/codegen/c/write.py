@@ -7,7 +7,8 @@ The code needs a compiler for C11 and its mathematical library.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence, Set
+from typing import Any
 
 from ...algebra.expression import Apply, Expression, Number, Symbol
 from ...algebra.interpolate import SMOOTH_STEP, random_number
@@ -54,9 +55,11 @@ def write_c(lowered: Lowered, jumps: Sequence[str] = ()) -> str:
     return _File(lowered, (), jumps).text()
 
 
-def write_library_c(lowered: Lowered) -> tuple[str, str]:
-    """Return the text of a file with the functions of a library, and the prefix of its names."""
-    file = _File(lowered, more_of(lowered))
+def write_library_c(
+    lowered: Lowered, beside: Sequence[Callable[..., Any]] = (), left_out: Set[Callable[..., Any]] = frozenset()
+) -> tuple[str, str]:
+    """Return the text of a file with the functions of a library, and the prefix of its names. `beside`: functions of the subset that are in it, too."""
+    file = _File(lowered, more_of(lowered), (), beside, left_out)
     return file.text(), file.prefix
 
 
@@ -64,10 +67,12 @@ class _File:
     """Writer of the file."""
 
     def __init__(
-        self, lowered: Lowered, more: Sequence[tuple[ProgramFunction, Sequence[Expression]]], jumps: Sequence[str] = ()
-    ) -> None:
+        self, lowered: Lowered, more: Sequence[tuple[ProgramFunction, Sequence[Expression]]], jumps: Sequence[str] = (),
+        beside: Sequence[Callable[..., Any]] = (), left_out: Set[Callable[..., Any]] = frozenset(),
+    ) -> None:  # fmt: skip
         self.lowered, self.writer, self.jumps = lowered, Writer(lowered, more), jumps
         self.prefix = re.sub(r"\W", "_", lowered.space.name, flags=re.ASCII)
+        self.beside, self.left_out = beside, left_out
         self.called: set[str] = set()
         self.arrays: dict[tuple[float, ...], str] = {}
         self.steps = not more and obstacle(lowered) is None
@@ -92,7 +97,8 @@ class _File:
         functions += [self._function(f, notes[f.name], kernels) for f in written]
         counts = [(f.name, len(f.roots)) for f in written]
         support = [runtime.BY_OPERATOR[o] for o in sorted(self.called)]
-        support_text = c_source(list(dict.fromkeys([*support, *([random_number] if self.steps else [])])))
+        support += [random_number] if self.steps else []
+        support_text = c_source([*dict.fromkeys([*support, *self.beside])], self.left_out, inner=True)
         points = [f"static const double {n}[] = {{{', '.join(map(c_number, v))}}};" for v, n in self.arrays.items()]
         steps = [stepping(self.lowered, self.prefix)] if self.steps else []
         text = "\n".join([support_text, *points, "", *functions, *steps])

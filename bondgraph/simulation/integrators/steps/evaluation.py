@@ -43,7 +43,7 @@ def renew_at(s: IntegratorWorkspace, time: float, y: Floats) -> None:
     if s.bend_count > 0:
         bends_of(s, time, y, s.bend_side)
         for j in range(s.bend_count):
-            s.bend_side[j] = sign(s.bend_side[j])
+            s.bend_side[j] = side_of(s.bend_side[j])
     for i in range(s.n):
         s.si[i] = y[i] * s.magnitude[i]
     if s.closed.multipliers > 0:
@@ -63,12 +63,12 @@ def look_at_side(s: IntegratorWorkspace, ahead: float) -> None:
         s.rest[i] = s.state[i] + ahead * s.rate[i]
     bends_of(s, s.time + ahead, s.rest, s.bend_seen)
     for j in range(s.bend_count):
-        if sign(s.bend_seen[j]) != s.bend_side[j]:
+        if side_of(s.bend_seen[j]) != s.bend_side[j]:
             renew_at(s, s.time + ahead, s.rest)
             return
 
 
-def sign(x: float) -> float:
+def side_of(x: float) -> float:
     """Return the sign as numpy does."""
     return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
 
