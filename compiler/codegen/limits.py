@@ -5,7 +5,7 @@ They are checked at points that the run accepts. A solver also evaluates points 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,12 +18,15 @@ from ..algebra.expression import (
     Symbol,
     call,
     evaluate,
+    never_negative,
     operations,
     select,
     substitute,
+    symbols,
 )
 from ..algebra.formula import Formula
 from ..algebra.interpolate import MARGIN, one_way
+from ..algebra.operators import OPERATORS, REALS
 from ..algebra.table import domain, is_table
 from ..equations.system import Argument, Assignment, Validity, Variable
 from ..errors import CompilationFailed
@@ -32,7 +35,6 @@ from .errors import EvenPower, TableTurnsBack
 from .program import LimitNote
 
 COMPARISONS = frozenset({"less", "less_equal", "equal"})
-PARTIAL = frozenset({"divide", "log", "log10", "sqrt"})
 SIDES = "what it compares has a value"
 
 
@@ -109,22 +111,30 @@ def requirement(
 
 
 def sides(
-    expression: Expression, step: Assignment, name: str, is_fixed: Callable[[Expression], bool]
+    expression: Expression,
+    step: Assignment,
+    name: str,
+    is_fixed: Callable[[Expression], bool],
+    opened: Mapping[Expression, Expression],
 ) -> Iterator[Limit]:
-    """Limits for what conditions in an expression compare, where they are evaluated: no divisor is zero, no logarithm or root is taken of less."""
+    """Limits for what conditions in an expression compare, where they are evaluated: no divisor is zero, no logarithm or root is taken of less.
+
+    `opened`: the conditions on time by their items of the mode. All their poles are found, so a divisor that passes zero in time violates nothing.
+    """
     done: set[Expression] = set()
     stack: list[tuple[Expression, Expression | None, bool]] = [(expression, None, False)]
     visited = set(stack)
     while stack:
         node, under, compared = stack.pop()
+        node = opened.get(node, node)
         if not isinstance(node, Apply):
             continue
         compared = compared or node.operator in COMPARISONS
         needs = _domain(node) if compared else None
-        if needs is not None and node.operands[-1] not in done:
-            done.add(node.operands[-1])
-            holds = needs if under is None else call("or", call("not", under), needs)
-            values = (LimitValue("divisor" if node.operator == "divide" else node.operator, "1", node.operands[-1]),)
+        if needs is not None and needs[0] not in done:
+            done.add(needs[0])
+            holds = needs[0] if under is None else call("or", call("not", under), needs[0])
+            values = (LimitValue(needs[1], "1", needs[2]),)
             note = LimitNote("require", "", name, SIDES, step.span, None, _shown(values), is_fixed(holds))
             yield Limit(select(holds, ONE, ZERO), values, note)
         first, *rest = node.operands
@@ -139,14 +149,28 @@ def sides(
         visited.update(more)
 
 
-def _domain(node: Apply) -> Expression | None:
-    """Condition under which an operation has a finite value, as far as its operand decides that by itself; None if it always has."""
+def is_partial(node: Apply) -> bool:
+    """Return True if an operation may have no value, or an infinite one of either sign, as far as one operand decides that by itself."""
+    return _domain(node) is not None
+
+
+def _domain(node: Apply) -> tuple[Expression, str, Expression] | None:
+    """Condition under which an operation has a value, and no infinite one of either sign, and the operand that decides it, with a name; None if none does."""
     x = node.operands[-1]
-    if node.operator == "divide":  # a factor that is zero is refused, or changes the equations, where it is set
-        return call("not", call("equal", x, ZERO)) if any(o.operator == "add" for o in operations(x)) else None
-    if node.operator in ("log", "log10"):
-        return call("less", ZERO, x)
-    return call("less_equal", ZERO, x) if node.operator == "sqrt" else None
+    match node:
+        case Apply(operator="divide"):  # a factor that is zero is refused, or changes the equations, where it is set
+            moves = {s.key.role for s in symbols(x) if isinstance(s.key, Leaf)} - {"parameter"} != {"time"}
+            if moves and any(o.operator == "add" for o in operations(x)):
+                return call("not", call("equal", x, ZERO)), "divisor", x
+        case Apply(operator="power", operands=(base, exponent)) if not never_negative(base):
+            if isinstance(exponent, Number) and exponent.value == int(exponent.value):
+                return None
+            whole = call("equal", exponent, call("floor", exponent))
+            return call("or", whole, call("less_equal", ZERO, base)), "base of a power", base
+        case Apply(operator=name, operands=(x,)) if name in OPERATORS and OPERATORS[name].domain != REALS:
+            low, high = map(Number, OPERATORS[name].domain)  # infinite at an end, a logarithm has a sign
+            return call("and", call("less_equal", low, x), call("less_equal", x, high)), name, x
+    return None
 
 
 def _shown(values: Sequence[LimitValue]) -> tuple[tuple[str, str], ...]:

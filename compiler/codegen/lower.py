@@ -182,19 +182,20 @@ def _lower_events(result: Lowered, switching: Switching) -> None:
         events.conjugates = tuple(ZERO if c is None else values[c] for c in conjugates)
     events.junctions = tuple((s.junction, s.span) for s in space.switches)
     if switching.partial:
-        result.limits += _sides(result)
+        result.limits += _sides(result, switching)
 
 
-def _sides(result: Lowered) -> Iterable[Limit]:
+def _sides(result: Lowered, switching: Switching) -> Iterable[Limit]:
     """Limits for what is compared where outputs, rates and events read it."""
     space, steps = result.space, {step.target: step for step in result.space.steps if isinstance(step, Assignment)}
     read = [*space.outputs.values(), *(s.rate for s in space.states), *(s.condition for s in space.switches)]
     read += [v for e in space.events for v in (e.condition, *(s.value for s in e.settings))]
+    opened: dict[Expression, Expression] = {Symbol(Leaf("mode", i)): x for i, x in switching.opened.items()}
     for number in dict.fromkeys(read):
         if number in steps:
             name = space.variables[number].name
             yield from sides(
-                result.values[number], steps[number], name, lambda x: not result.dependence(x) & ~PARAMETER
+                result.values[number], steps[number], name, lambda x: not result.dependence(x) & ~PARAMETER, opened
             )
 
 

@@ -34,7 +34,7 @@ from .dependence import EVENT, INPUT, MODE, PARAMETER, STATE, TIME
 from .errors import NoiseOutOfStep
 from .events import Count, Located
 from .indicators import count_parts, factors_of, indicator, parts_of, rounding, window
-from .limits import COMPARISONS, PARTIAL, Leaf
+from .limits import COMPARISONS, Leaf, is_partial
 from .lowered import Lowered
 from .program import ConditionNote
 
@@ -285,6 +285,7 @@ class Switching:
             self.modes[condition] = Symbol(Leaf("mode", self.next))
             exact = call(condition.operator, *self._unrounded(condition.operator, operands))
             self.opened[self.next] = substitute(exact, self._opened)
+            self._note_partial(self.opened[self.next])
             self.result.switches.append(self.opened[self.next])
             events.timed.append(self.next)
         else:
@@ -313,8 +314,8 @@ class Switching:
     def _note_partial(self, condition: Expression) -> None:
         """See whether an expression with a condition, evaluated where it is used, may have no value."""
         if not self.partial and not self.pieced:
-            operators = {node.operator for node in operations(condition)}
-            self.partial = bool(operators & COMPARISONS and operators & PARTIAL)
+            nodes = list(operations(condition))
+            self.partial = any(n.operator in COMPARISONS for n in nodes) and any(map(is_partial, nodes))
 
     def _within(self, operator: str, u: Expression, r: Expression, sign: Expression, rest: Expression) -> Expression:
         """The condition of a `window`, with `operator` less or less_equal, as two: each crosses zero straight."""

@@ -49,3 +49,41 @@ def test_a_crossing_into_what_has_no_value_is_refused(side: str, solver: str) ->
         with pytest.raises(RunFailed, match="no value") as refused:
             guarded.simulate(to=1, points=3, solver=solver)
         assert "made" not in str(refused.value) and "line 4" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("side", "since"),
+    [
+        ("log(1 - {u}) > -1", 1),
+        ("sqrt(1.5 - {u}) < 2", 1.5),
+        ("2 > (1 - {u})^0.3", 1),
+        ("(1.2 - {u})^k < 2", 1.2),
+        ("not (asin({u}) < 1.8)", 1),
+        ("acos({u} - 0.4) > 1", 1.4),
+        ("2 > acosh(1.5 - {u})", 0.5),
+        ("{u} > 3 or atanh({u} - 0.2) < 9", 1.2),
+        ("log10(0.7 - {u}) == -1", 0.7),
+    ],
+)
+def test_a_condition_on_time_that_has_no_value_is_told(side: str, since: float) -> None:  # fmt: skip
+    """What a logarithm of -0.5 is compared with counted as false: in time without a word, and beside a state for powers and inverse functions."""
+    time, state = (side.format(u=u) for u in ("time", "x"))
+    text = f"""plain model Late {{
+  parameter k = 0.4
+  signal x = integral(1, 0), grown = integral(2 if {time} else 1, 0), unread = 1 if {time} else 0
+  mode n = 0, m = 0
+  when time < 0.4 and ({time}) {{ n = n + 1 }}
+  when {time} {{ m = m + 1 }}
+  output late = 1 if {time} else 0, far = 1 if {state} else 0, rate = grown, count = n + m
+}}"""
+    told = {w.condition: w.time for w in bondgraph.load(text).simulate(to=2, points=3).warnings}
+    assert told == pytest.approx(dict.fromkeys(("late", "far", "rate of grown", f"when {time}"), since), abs=1e-9)
+    assert not bondgraph.load(text).simulate(to=0.45, points=3).warnings
+
+
+def test_an_infinite_side_of_one_sign_and_poles_in_time_are_conditions_as_any() -> None:
+    text = (
+        "plain model Sure {\n  output y = 1 if log(time) > -1 or 1/(time - 0.5) > 4 or acos(cos(time)) < 0.1 else 0\n}"
+    )
+    found = bondgraph.load(text).simulate(to=1, points=11)
+    assert not found.warnings and found["y"].tolist() == [1, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1]
