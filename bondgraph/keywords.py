@@ -150,7 +150,8 @@ def _check(call: Callable[..., object], values: Sequence[object], options: Mappi
         names = ", ".join(f"`{n}`" for n in places[1:])
         raise UsageError("BR696", f"`{call.__name__}` takes {names} by place, and no more")
     placed = dict(zip(places, values, strict=False))
-    check_keywords(call, options, kinds.keys())
+    if options:
+        check_keywords(call, options, kinds.keys())
     if needed and (lacking := [name for name in needed if name not in placed and name not in options]):
         raise UsageError("BR697", f"`{call.__name__}` needs `{lacking[0]}`, {_words(kinds[lacking[0]])}")
     for name, value in (*placed.items(), *options.items()):

@@ -16,7 +16,7 @@ from compiler.api import SOLVERS, Array, uncollected
 
 from ..compiled_model import CompiledModel
 from ..compiled_scene import chosen_target
-from ..numerics.threads import one_thread
+from ..numerics.threads import OneThread
 from ..results.checkpoint import Checkpoint
 from ..results.later import later
 from ..results.records import LimitLeft
@@ -54,7 +54,7 @@ def simulate_together(model: CompiledModel, request: RunRequest, points: Sequenc
     for place, name in enumerate(program.parameters.names):
         if name in settled.values:
             parameters[:, place] = settled.values[name]
-    with np.errstate(all="ignore"), one_thread(len(program.states.names)), uncollected():
+    with np.errstate(all="ignore"), OneThread(len(program.states.names)), uncollected():
         for runs, course in grouped(scene, parameters):
             for part in _parts(scene, runs):
                 for number, result in _results(scene, part, course):

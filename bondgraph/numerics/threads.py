@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache, wraps
 from typing import ParamSpec, TypeVar
 
@@ -29,27 +28,30 @@ _held = 0  # number of contexts that are entered
 _before: list[tuple[Callable[[int], object], int]] = []  # setters, and numbers of threads outside
 
 
-@contextmanager
-def one_thread(order: int) -> Iterator[None]:
-    """Hold linear algebra to one thread if no matrix is of a larger order than `LARGE`; several threads of Python may enter. Linux only."""
-    global _held
-    if order > LARGE or sys.platform != "linux":
-        yield
-        return
-    with _LOCK:
-        _held += 1
-        if _held == 1:
-            for get, put in _libraries("scipy.linalg" in sys.modules):
-                if (count := get()) > 1:
-                    _before.append((put, count))
-                    put(1)
-    try:
-        yield
-    finally:
-        with _LOCK:
-            _held -= 1
-            if not _held:
-                _release()
+class OneThread:
+    """Context that holds linear algebra to one thread if no matrix is of a larger order than `LARGE`; several threads of Python may enter. Linux only."""
+
+    def __init__(self, order: int) -> None:
+        self._holds = order <= LARGE and sys.platform == "linux"
+
+    def __enter__(self) -> None:
+        global _held
+        if self._holds:
+            with _LOCK:
+                _held += 1
+                if _held == 1:
+                    for get, put in _libraries("scipy.linalg" in sys.modules):
+                        if (count := get()) > 1:
+                            _before.append((put, count))
+                            put(1)
+
+    def __exit__(self, *failed: object) -> None:
+        global _held
+        if self._holds:
+            with _LOCK:
+                _held -= 1
+                if not _held:
+                    _release()
 
 
 def on_one_thread(call: Callable[_Arguments, _Found]) -> Callable[_Arguments, _Found]:
@@ -59,7 +61,7 @@ def on_one_thread(call: Callable[_Arguments, _Found]) -> Callable[_Arguments, _F
     def held(*values: _Arguments.args, **options: _Arguments.kwargs) -> _Found:
         import scipy.linalg  # noqa: F401  # an analysis needs it, and its library is held too
 
-        with one_thread(0):
+        with OneThread(0):
             return call(*values, **options)
 
     return held

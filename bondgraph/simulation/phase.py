@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -322,7 +323,7 @@ class Phase:
         if self.extremes is not None:
             self.extremes.look_at_values(self.instants[: len(self.values)], self.values)
         self.whole, self.largest = True, largest_outputs(self.values)
-        if not np.isfinite(self.largest).all():
+        if not all(map(isfinite, self.largest.tolist())):
             from .monitors.finite import check_finite
 
             space = self.compilation.state_space

@@ -17,7 +17,7 @@ from ..compiled_model import CompiledModel
 from ..compiled_scene import CompiledScene, chosen_target, many_runs
 from ..errors import RunFailed, StepsCollapsed, UsageError
 from ..memo import keep
-from ..numerics.threads import one_thread
+from ..numerics.threads import OneThread
 from ..results.result import Result
 from .phase import Phase, PhaseOptions
 from .phase_sequence import PhaseSequence
@@ -139,7 +139,7 @@ def _run(
     try:
         program = compiled_scene.program
         # values that are not finite are searched and reported by name
-        with np.errstate(all="ignore"), one_thread(len(program.states.names) + len(program.unknowns.names)):
+        with np.errstate(all="ignore"), OneThread(len(program.states.names) + len(program.unknowns.names)):
             run.go()
     except RunFailed as failed:
         failed.result = run.cut(f"it failed: {failed}")

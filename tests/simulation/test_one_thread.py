@@ -34,15 +34,15 @@ def counts():  # type: ignore[no-untyped-def]
 
 def test_a_small_order_is_held_and_a_large_one_is_not(counts) -> None:  # type: ignore[no-untyped-def]
     outside = counts()
-    with threads.one_thread(threads.LARGE):
+    with threads.OneThread(threads.LARGE):
         assert set(counts()) == {1}
-        with threads.one_thread(3):
+        with threads.OneThread(3):
             assert set(counts()) == {1}
         assert set(counts()) == {1}
     assert counts() == outside
-    with threads.one_thread(threads.LARGE + 1):
+    with threads.OneThread(threads.LARGE + 1):
         assert counts() == outside
-    with pytest.raises(ZeroDivisionError), threads.one_thread(1):
+    with pytest.raises(ZeroDivisionError), threads.OneThread(1):
         raise ZeroDivisionError
     assert counts() == outside
 
@@ -51,7 +51,7 @@ def test_contexts_of_several_threads_overlap(counts) -> None:  # type: ignore[no
     outside, meeting = counts(), Barrier(3)
 
     def enter(_: int) -> set[int]:
-        with threads.one_thread(1):
+        with threads.OneThread(1):
             meeting.wait()
             seen = set(counts())
             meeting.wait()

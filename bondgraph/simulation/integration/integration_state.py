@@ -225,6 +225,8 @@ class IntegrationState:
 
     def held(self, time: float, x: Array, mode: Array) -> Any:
         """Return a state projected on its invariants, with the unknowns that belong to it."""
+        if not self.constraints.all and not self.program.unknowns.names:
+            return x
         loops = self.loops if self.program.unknowns.names else None  # they scale the constraints first
         projected = self.constraints.project(time, x, mode)
         return projected if loops is None else loops.solve(time, projected, mode)

@@ -74,7 +74,8 @@ class SegmentIntegrator(IntegrationState):
         self._put_start(stretch, x, first)
         if not len(self.program.states.names):
             return without_states(self, stretch, x, last)
-        self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: np.tile(x, (len(times), 1)))
+        if self.program.limits:
+            self.watch.look(np.array([stretch.start]), stretch.mode, lambda times: x[None].repeat(len(times), axis=0))
         if self.linear:
             from .exact import exactly
 

@@ -55,6 +55,8 @@ class ValidityMonitor:
             return
         self.begun = True
         truth = self._holds(times, state_at(times), mode)
+        if truth.all():
+            return
         found = []
         for number in np.flatnonzero(~truth.all(axis=0)):
             if int(number) not in self.left and (tables or self.program.limits[number].kind != "table"):

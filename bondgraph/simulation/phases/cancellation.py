@@ -88,7 +88,7 @@ def _moves(count: int) -> Array:
 
 def largest_outputs(values: Array) -> Any:
     """Return the largest absolute value (outputs,) of each output; from rows of numbers in a row, as numpy takes short ones ten times as long."""
-    return np.abs(np.ascontiguousarray(values.swapaxes(-1, -2))).max(axis=-1, initial=0.0)
+    return np.maximum.reduce(np.abs(np.ascontiguousarray(values.swapaxes(-1, -2))), axis=-1, initial=0.0)
 
 
 def doubts_on_outputs(
