@@ -28,6 +28,7 @@ from ..simulation.phases.cancellation import (
     doubts_on_outputs,
     largest_outputs,
     places_of_terms,
+    rows_of_terms,
     terms_of_outputs,
 )
 from ..simulation.run_options import RunRequest
@@ -105,7 +106,8 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
     final, last = trajectories.states[:, -1], course.segments[-1]
     stored = trajectories.choice.contents(float(scene.instants[-1]), final, last.mode)
     sizes = np.empty((len(runs), 0)) if magnitude is None else magnitude
-    places = places_of_terms(scene.instants, trajectories.states, course.segments)
+    at_rows = rows_of_terms(scene.instants, trajectories.states, course.segments)
+    places = places_of_terms(scene.instants, trajectories.states, at_rows)
     time = (clock.perf_counter() - began) / len(runs)
     for row in np.flatnonzero(sound).tolist():
         at = None if places is None else (places[0], places[1][row], places[2])

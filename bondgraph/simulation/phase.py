@@ -22,7 +22,14 @@ from .magnitudes.pilot_run import smallest_angles
 from .monitors.extremes import ExtremesMonitor
 from .monitors.state_selection import Choice
 from .monitors.validity import ValidityMonitor
-from .phases.cancellation import OutputTerms, largest_outputs, places_of_terms, terms_of_outputs
+from .phases.cancellation import (
+    OutputTerms,
+    RowsOfTerms,
+    largest_outputs,
+    places_of_terms,
+    rows_of_terms,
+    terms_of_outputs,
+)  # fmt: skip
 from .phases.failures import explained, modes_in
 from .phases.notes import phase_doubts, phase_notes
 from .phases.run_program import RunProgram
@@ -125,6 +132,8 @@ class Phase:
         self.balance: EnergyBalance | None = None
         self.stepper: SegmentIntegrator | None = None  # the integrator, if another run may go through this phase again
         self.remarks: tuple[Any, ...] = ((), ())  # notes and doubts before the end
+        self.modes: list[tuple[Any, int, int]] = []  # of the reported instants
+        self.rows: RowsOfTerms | None = None  # at which terms of outputs are looked for
 
     def left(self) -> Phase | None:
         """Return this finished phase without its results, for `begun_again`; None if another run cannot go through it."""
@@ -283,7 +292,10 @@ class Phase:
     def terms_of_outputs(self) -> Callable[[], OutputTerms]:
         """Return the function that finds the terms of the outputs. It keeps no trajectory in memory."""
         program, inputs, constants, trajectory = self.program, self.inputs, self.constants, self.trajectory
-        places = places_of_terms(self.instants, trajectory.states, trajectory.pieces or self.stretches)
+        rows = self.rows if self.whole else None
+        if rows is None:
+            rows = self.rows = rows_of_terms(self.instants, trajectory.states, trajectory.pieces or self.stretches)
+        places = places_of_terms(self.instants, trajectory.states, rows)
         rtol, mechanisms = self.options.rtol, self.compilation.facts.mechanisms
         tolerances = None if trajectory.exact else self.shared.tolerances
         of_steps = None if tolerances is None else (tolerances.absolute, tolerances.guessed)
@@ -319,7 +331,9 @@ class Phase:
         self.remarks = self.notes, self.doubts
         self._end_where_stopped()
         self._finish()
-        self.values = self._solution().outputs(self.watch)
+        solution = self._solution()
+        self.modes = self.modes or solution.modes()
+        self.values = solution.outputs(self.modes, self.watch)
         if self.extremes is not None:
             self.extremes.look_at_values(self.instants[: len(self.values)], self.values)
         self.whole, self.largest = True, largest_outputs(self.values)
@@ -382,7 +396,7 @@ class Phase:
             self._finish()
             self.values = np.empty((0, len(self.program.outputs.names)))
             if kept is not None:
-                self.values = self._solution().outputs(self.watch)
+                self.values = self._solution().outputs(self._solution().modes(), self.watch)
         wrong = np.flatnonzero(~np.isfinite(self.values).all(axis=1))
         if len(wrong):
             self.instants, self.values = self.instants[: wrong[0]], self.values[: wrong[0]]

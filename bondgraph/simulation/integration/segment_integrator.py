@@ -25,6 +25,7 @@ class SegmentIntegrator(IntegrationState):
 
     machine: NativeIntegrator | None = None  # the integrator of steps, from the first segment on
     begins: Beginning | None = None  # of the steps of an earlier run with the same values, or of this one for the next
+    target = ""  # name in the result of the code that makes the steps
     has_conditions = False  # True if conditions on states are located
 
     def let_go(self) -> None:
@@ -113,7 +114,8 @@ class SegmentIntegrator(IntegrationState):
         """Integrate one segment by a method that chooses its steps."""
         from .native_integrator import Beginning, NativeIntegrator, is_repeatable, target_of
 
-        target, machine, begins = target_of(self), self.machine, self.begins
+        machine, begins = self.machine, self.begins
+        target = self.target = self.target or target_of(self)
         if begins is None or machine is not None:
             from .method import method_of
 

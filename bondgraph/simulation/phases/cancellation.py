@@ -27,6 +27,7 @@ ZERO = 1e-13  # relative to the terms: smaller outputs are zero to rounding, as 
 
 
 Places = tuple[Any, Any, Any]  # instants (k,), states (..., k, n) and a mode at which terms are looked for
+RowsOfTerms = tuple[list[int], Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +41,20 @@ class OutputTerms:
     program: Program
 
 
-def places_of_terms(instants: Array, states: Array, segments: Sequence[Segment]) -> Places | None:
+def places_of_terms(instants: Array, states: Array, rows: RowsOfTerms | None) -> Places | None:
     """Return the places of a solution at which terms are looked for; None without states. `states`: (..., points, n)."""
+    return None if rows is None else (instants.take(rows[0]), states.take(rows[0], -2), rows[1])
+
+
+def rows_of_terms(instants: Array, states: Array, segments: Sequence[Segment]) -> RowsOfTerms | None:
+    """Return their indices among the instants, and the mode there."""
     lengths = [s.stop - s.start for s in segments]
     longest = segments[lengths.index(max(lengths))]
     begin, end = instants.searchsorted((longest.start, longest.stop)).tolist()
     points, count = states.shape[-2:]
     if not begin < end <= points or not 0 < count <= MOST_STATES:
         return None
-    places = [int(begin + place * (end - begin)) for place in PLACES]
-    return instants.take(places), states.take(places, -2), longest.mode
+    return [int(begin + place * (end - begin)) for place in PLACES], longest.mode
 
 
 def terms_of_outputs(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from operator import ne
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,27 +39,38 @@ class PhaseSolution:
         """Segments with their modes, as they were integrated."""
         return self.trajectory.pieces or self.planned
 
-    def outputs(self, watch: ValidityMonitor) -> Any:
-        """Return the outputs, shape (points, outputs). `watch` looks at the last instant, whose mode no segment has."""
-        instants, states, segments = self.instants, self.trajectory.states, self.segments
+    @property
+    def reaches_end(self) -> bool:
+        """True if the last instant is the end of the last segment: its mode is that just after it, which no segment has."""
+        return (
+            self.trajectory.handover is None
+            and len(self.instants) > 0
+            and not self.instants[-1] < self.segments[-1].stop
+        )
+
+    def modes(self) -> list[tuple[Any, int, int]]:
+        """Return successive modes of the reported instants, each with the first and the end of their indices."""
+        modes, ends = [s.mode for s in self.segments], [s.stop for s in self.segments]
+        places = self.instants.searchsorted((self.segments[0].start, *ends)).tolist()
+        if self.reaches_end:
+            modes.append(self._mode_at_end(self.segments[-1]))
+            places.append(len(self.instants))
+        keys = [mode.tobytes() for mode in modes]  # events return to a mode
+        last = [k for k, (key, after) in enumerate(zip(keys, [*keys[1:], None], strict=True)) if key != after]
+        return [(modes[k], places[k0 + 1], places[k + 1]) for k0, k in zip([-1, *last], last, strict=False)]
+
+    def outputs(self, modes: Sequence[tuple[Any, int, int]], watch: ValidityMonitor) -> Any:
+        """Return the outputs in their `modes`, shape (points, outputs). `watch` looks at the last instant."""
+        instants, states = self.instants, self.trajectory.states
         values = np.empty((len(instants), len(self.constraints.program.outputs.names)))
-        modes, ends = [s.mode for s in segments], [s.stop for s in segments]
-        parts = instants.searchsorted((segments[0].start, *ends)).tolist()
-        if self.trajectory.handover is None and len(instants) and not instants[-1] < ends[-1]:
-            final = states[-1:]
-            modes.append(self._mode_at_end(segments[-1]))
-            parts.append(len(instants))
-            watch.look(instants[-1:], modes[-1], lambda times: np.repeat(final, len(times), axis=0))
-        begin, keys = parts[0], [mode.tobytes() for mode in modes]  # events return to a mode
-        if self.constraints.program.native is not None and sum(map(ne, keys, keys[1:])) >= MANY_CHANGES:
-            of_each = np.repeat(modes, np.diff(parts), axis=0)
-            values[begin : parts[-1]] = self.output(instants[begin : parts[-1]], states[begin : parts[-1]], of_each)
-            return values
-        for mode, key, after, end in zip(modes, keys, [*keys[1:], None], parts[1:], strict=True):
-            if key != after:
-                if begin < end:
-                    values[begin:end] = self.output(instants[begin:end], states[begin:end], mode)
-                begin = end
+        if self.reaches_end:
+            watch.look(instants[-1:], modes[-1][0], lambda times: np.repeat(states[-1:], len(times), axis=0))
+        if self.constraints.program.native is not None and len(modes) > MANY_CHANGES:
+            of_each = np.repeat([mode for mode, _, _ in modes], [end - begin for _, begin, end in modes], axis=0)
+            modes = [(of_each, modes[0][1], modes[-1][2])]
+        for mode, begin, end in modes:
+            if begin < end:
+                values[begin:end] = self.output(instants[begin:end], states[begin:end], mode)
         return values
 
     def _mode_at_end(self, last: Segment) -> Any:

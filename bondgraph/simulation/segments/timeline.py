@@ -333,7 +333,7 @@ def always(start: float, stop: float) -> bool:
 
 def inside(stretch: Segment) -> tuple[float, float]:
     """Return the first and last instant at which a signal is evaluated: just inside the segment, because its ends are rounded."""
-    margin = ROUNDING * float(np.spacing(max(abs(stretch.start), abs(stretch.stop))))
+    margin = ROUNDING * ulp(max(abs(stretch.start), abs(stretch.stop)))
     return stretch.start + margin, stretch.stop - margin
 
 

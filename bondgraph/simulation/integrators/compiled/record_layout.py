@@ -127,11 +127,8 @@ class RecordArray:
 
     def call(self, source: str, *arguments: Any) -> int:
         """Call a function of the source on this record, with integers and arrays."""
-        if not arguments:
-            return called(source, WHOLE, POINTER)(self.address)  # type: ignore[no-any-return]
-        kinds = [WHOLE if type(a) is int else POINTER for a in arguments]
-        values = [a if type(a) is int else address_of(a) for a in arguments]
-        return called(source, WHOLE, POINTER, *kinds)(self.address, *values)  # type: ignore[no-any-return]
+        values = [a if type(a) is int else address_of(a) for a in arguments] if arguments else ()
+        return _called(source, *map(type, arguments))(self.address, *values)  # type: ignore[no-any-return]
 
     def __getitem__(self, name: str) -> Any:
         array = self._arrays.get(name)
@@ -207,6 +204,12 @@ class RecordBatch:
         if not isinstance(kind, str) or kind not in _C_TYPES:
             raise KeyError(name)
         return (self._numbers if kind == "double" else self._words)[:, place]
+
+
+@lru_cache
+def _called(source: str, *types: type) -> Any:
+    """Return a function of the source on a record, with integers and arrays."""
+    return called(source, WHOLE, POINTER, *[WHOLE if kind is int else POINTER for kind in types])
 
 
 @lru_cache

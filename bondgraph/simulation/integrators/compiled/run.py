@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import time as clock
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -141,7 +142,8 @@ class CompiledMethod:
         self.fixed_size: float | None = None  # size of all steps, for a method with equal steps
         self._mode: Any = None  # the mode set last
         self._selection: RecordArray | Plain | None = None
-        self._record = self.values.record
+        self.record = self.values.record  # it has the scalar fields
+        self._advance: Advance = partial(self.values.call, "advance")
 
     def report(self, instants: Array, position: int, states: Array) -> None:
         """Set the array for states at the reported instants, from the index `position` on."""
@@ -151,15 +153,15 @@ class CompiledMethod:
 
     def keep_places(self, places: Array) -> None:
         """Store the states at these fractions of each step, until `kept_steps` takes them."""
-        n = self._record.n
+        n = self.record.n
         room = len(places) * max(1, min(KEPT_STEPS, KEPT_NUMBERS // (len(places) * max(n, 1))))
         values = {"kept_time": np.zeros(room), "kept_state": np.zeros(room * n)}
         self.values.put({"places": places, "place_count": len(places), "kept": 0, "kept_room": room} | values)
 
     def kept_steps(self) -> tuple[Any, Any]:
         """Return the instants (steps, places) and states (steps, places, n) in SI that are stored, and forget them."""
-        count, width, n = self._record.kept, self._record.place_count, self._record.n
-        self._record.kept = 0
+        count, width, n = self.record.kept, self.record.place_count, self.record.n
+        self.record.kept = 0
         times, states = self.values["kept_time"][:count], self.values["kept_state"][: count * n]
         return times.reshape(-1, width), states.reshape(-1, width, n)
 
@@ -182,7 +184,7 @@ class CompiledMethod:
         self.__dict__ |= {name: self.values[name] for name in OFTEN}
         self.values.call("begin")
         if self.fixed_size is not None:
-            self._record.size = self.fixed_size
+            self.record.size = self.fixed_size
 
     def save(self) -> None:
         """Save the workspace as it begins, for `begin_once_more`."""
@@ -209,7 +211,7 @@ class CompiledMethod:
 
     def end_at(self, time: float) -> None:
         """End the last step at an event: its remaining processing goes up to this time."""
-        self._record.until = time
+        self.record.until = time
 
     def put_mode(self, mode: Array) -> None:
         """Set the conditions and discrete variables from now on."""
@@ -222,7 +224,7 @@ class CompiledMethod:
 
     def begin_again(self, time: float, state: Array, size: float) -> None:
         """Go on from another state, with a first step no longer than this."""
-        record, values = self._record, self.values
+        record, values = self.record, self.values
         values["state"][:], values["absolute"][:] = state / values["magnitude"], values["resting"]
         record.time = time
         values.call("begin")
@@ -230,7 +232,7 @@ class CompiledMethod:
 
     def repeat(self, size: float) -> None:
         """Repeat the last step, no longer than this."""
-        record, values, n = self._record, self.values, self._record.n
+        record, values, n = self.record, self.values, self.record.n
         before = record.ends - 2
         record.time = float(values["end_time"][before])
         values["state"][:] = values["end_state"][before * n : (before + 1) * n]
@@ -240,12 +242,12 @@ class CompiledMethod:
 
     def go_on_with(self, method: int) -> None:
         """Let another method go on from here."""
-        self._record.method, self._record.automatic = method, 0
+        self.record.method, self.record.automatic = method, 0
         self.values.call("begin")
 
     def went_on(self, position: int, work: Array | None, traffic: float) -> Any:
         """Return the array of accumulated work, after setting position, work and energy turnover reached by other means."""
-        self._record.position, self._record.traffic = position, traffic
+        self.record.position, self.record.traffic = position, traffic
         if work is not None:
             self.values["work"][:] = work
         return None if work is None else self.values["work"]
@@ -260,7 +262,7 @@ class CompiledMethod:
         advance = through or self._advance
         answer = advance(most)
         while answer == ABSENT:
-            link_step(self._record.method)
+            link_step(self.record.method)
             answer = advance(most)
         self.order.record.tolerant = 0
         while answer == ORDER:
@@ -275,18 +277,10 @@ class CompiledMethod:
             raise StepFailed(FAILURES[answer])
         return answer
 
-    def _advance(self, most: int) -> int:
-        return self.values.call("advance", most)
-
     @property
     def _shift(self) -> float:
         """Return the shift of the real matrix, times the step size."""
         return 1 / rodas.GAMMA if METHODS[self.method].word == "rodas" else float(radau.MU_REAL)
-
-    @property
-    def record(self) -> Any:
-        """Record of machine code: it has the scalar fields."""
-        return self._record
 
     def step(self) -> None:
         """Make one step. Raises `StepFailed`."""
@@ -305,13 +299,13 @@ class CompiledMethod:
     @property
     def last_step(self) -> tuple[float, float]:
         """Start and end of the last step."""
-        count = self._record.ends
+        count = self.record.ends
         return float(self.end_time[count - 2]), float(self.end_time[count - 1])
 
     @property
     def evaluations(self) -> dict[str, int]:
         """Number of evaluations, by kind."""
-        record = self._record
+        record = self.record
         return {"derivative": record.derivatives, "jacobian": record.jacobians, "factorisation": record.factorisations}
 
     @property
@@ -321,15 +315,15 @@ class CompiledMethod:
 
     def sample(self, times: Array) -> Any:
         """Return states at instants within the last step; shape (times, n)."""
-        return self._along("scaled_along", times, self._record.n)
+        return self._along("scaled_along", times, self.record.n)
 
     def roots(self, times: Array, mode: Array) -> Any:
         """Return the roots of the conditions at instants within the last step, under a mode; shape (times, conditions)."""
-        return self._all("roots_along", times, mode, self._record.root_count)
+        return self._all("roots_along", times, mode, self.record.root_count)
 
     def states(self, times: Array, mode: Array) -> Any:
         """Return the states in SI there, with the multipliers that belong to them; shape (times, n)."""
-        return self._all("states_along", times, mode, self._record.n)
+        return self._all("states_along", times, mode, self.record.n)
 
     def narrow(self, indicators: RecordArray | Plain, times: Array, roots: Array, mode: Array) -> int:
         """Call `crossing_search.narrow` for the last step, under a mode."""
