@@ -327,7 +327,7 @@ def called_in(run: Callable[[], object]) -> list[str]:
 @pytest.mark.parametrize(
     ("model", "parameter", "value", "same", "other"),
     [
-        ("models/published/transistor_amplifier.bg", "R", 9e3, 340, 1150), ("models/slider_crank.bg", "m", 0.8, 220, 900),
+        ("models/published/transistor_amplifier.bg", "R", 9e3, 320, 1150), ("models/slider_crank.bg", "m", 0.8, 200, 900),
         ("tests/acceptance/defects/elastic_ball.bg", "h", 1.0, 860, 2500),
     ],
 )  # fmt: skip
