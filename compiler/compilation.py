@@ -444,7 +444,7 @@ class Compilation:
         descriptions = {name: quantity.description for name, quantity in self.whole_graph.quantities.items()}
         space = self.state_space
         with suppress(NotJoined):
-            space = self._switched_to(True, ()) if space.switches and target == "c" else space
+            space = self._switched_to(True, ()) if space.switches and target in ("c", "modelica") else space
         with self._instances(), self._bounded():
             return target_text(target, space, descriptions)
 

@@ -107,7 +107,10 @@ def _unevaluated(node: Apply, walk: Callable[[Expression], sympy.Basic]) -> symp
             points = [sympy.Tuple(*operands[i : i + n]) for i in (1, 1 + n)]
             return sympy.Function(node.operator)(operands[0], *points)
         case "select":
-            return sympy.Piecewise((operands[1], operands[0]), (operands[2], True), evaluate=False)
+            condition = operands[0]
+            if isinstance(condition, sympy.Piecewise) and [x for x, _ in condition.args] == [1, 0]:
+                condition = condition.args[0].cond  # a truth as a number
+            return sympy.Piecewise((operands[1], condition), (operands[2], True), evaluate=False)
         case "root":  # that of sympy is a power, which has no value below zero
             return sympy.Function("root")(*operands)
     return getattr(sympy, sympy_name(node.operator), sympy.Function(node.operator))(*operands, evaluate=False)

@@ -156,16 +156,29 @@ def compare(text: str | Path, to: float) -> None:
         assert values == pytest.approx(ours[name], rel=1e-6, abs=1e-6 * np.abs(ours[name]).max() + 1e-12), name
 
 
-@pytest.mark.parametrize(
-    "text", [BALL, servo(" offset 3 ms"), HEATER.replace("290 K", "294 K")], ids=["ball", "servo", "heater"]
-)
+TANK = """model Tank {
+  mode open = false
+  Sf pump : Q = 1 [m^3/s]
+  C vessel : P = 1 [Pa/m^3]*V { start V = 0.3 m^3 }
+  R drain : P = 0.2 [Pa*s/m^3]*Q
+  0 node : hydraulic
+  1 valve : hydraulic { active = open }
+  pump -> node -> vessel, valve
+  valve -> drain
+  when vessel.V > 0.5 m^3 { open = true }
+  when vessel.V < 0.25 m^3 { open = false }
+  output V = vessel.V, Q = drain.Q
+}"""
+
+
+@pytest.mark.parametrize("text", [BALL, servo(" offset 3 ms"), HEATER.replace("290 K", "294 K"), TANK], ids=["ball", "servo", "heater", "tank"])  # fmt: skip
 def test_events_come_back(text: str) -> None:
     compare(text, 1.4)
 
 
 @pytest.mark.few(4)
 @pytest.mark.parametrize("name, to", [
-    ("active_filter", 0.008), ("brake", 60), ("chain", 1), ("coupled_coils", 0.002), ("coupled_tanks", 1800), ("crane", 20), ("dc_motor", 0.5),
+    ("active_filter", 0.008), ("batch_tank", 1000), ("brake", 60), ("chain", 1), ("coupled_coils", 0.002), ("coupled_tanks", 1800), ("crane", 20), ("dc_motor", 0.5),
     ("drag", 2), ("duffing", 5), ("end_stops", 0.0035), ("feed_forward", 0.02), ("field_oriented", 0.05), ("flexure", 0.1), ("gyrator", 0.005),
     ("gyroscope", 1), ("helmholtz", 0.1), ("hydraulic_press", 1.5), ("inverse_kinematics", 1), ("lotka_volterra", 60), ("loudspeaker", 0.2),
     ("manipulator", 0.02), ("oscillator", 5), ("pendulum", 2), ("pid_dc_motor", 2), ("plates", 0.003), ("quarter_car", 5), ("rc_driven", 10),
