@@ -312,7 +312,9 @@ def test_inputs_of_a_system_are_those_of_its_model(tmp_path: Path, monkeypatch: 
     [
         ("<ssd:System name", "<ssd:Other name", "it is no system of units"),
         ("<ssd:SystemStructureDescription", "<!DOCTYPE x><ssd:SystemStructureDescription", "it is no system of units"),
-        ("resources/body.fmu", "resources/none.fmu", "it is no functional mock-up unit"),
+        ("resources/body.fmu", "resources/none.fmu", "of its `body`: it is no functional mock-up unit"),
+        ("resources/body.fmu", "/resources/body.fmu", "its `body` lies outside it"),
+        ("<ssd:Connections>", '<ssd:Connections><ssd:Connection startElement="wheel" startConnector="speed" endElement="wheel" endConnector="top_F"/>', "two connections of it end at `wheel.top_F`"),
         ("application/x-fmu-sharedlibrary", "application/x-ssp-package", "its `wheel` is no unit"),
         ("<ssd:Elements>", "<ssd:Elements><ssd:System name='inner'/>", "it has systems within it"),
         ('endConnector="low_v"/>', 'endConnector="low_v"><x/></ssd:Connection>', "a connection of it changes values"),

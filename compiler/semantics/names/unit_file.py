@@ -327,13 +327,19 @@ def _model(archive: ZipFile, path: Path, name: str, file: str, models: NewNames)
         unit, place = component.get("name", ""), path / component.get("source", "")
         if component.get("type", _UNIT_TYPE) != _UNIT_TYPE:
             raise NotImportable(f"its `{unit}` is no unit", "Other kinds of components are not imported.")
-        units[unit], words[unit] = replace(read_unit_description(place), ports=()), names.new(unit)
+        if not place.is_relative_to(path):
+            raise NotImportable(f"its `{printable(unit)}` lies outside it", "Units of a system are in its archive.")
+        try:
+            units[unit], words[unit] = replace(read_unit_description(place), ports=()), names.new(unit)
+        except NotImportable as error:
+            raise NotImportable(f"of its `{printable(unit)}`: {error.args[0]}", *error.args[1:]) from None
         kinds[unit] = names.new(f"{unit} unit")
         sources[kinds[unit]] = unit_model(units[unit], f"{name}/{place.name}", place, kinds[unit])
     values = dict(_values(archive, system))
     connected, lines, outputs = defaultdict[str, dict[str, str]](dict), [], []
     own = {unit: {v.own: v for v in description.variables} for unit, description in units.items()}
     inputs: dict[str, str] = {}
+    givers: dict[tuple[str, str], tuple[str, str]] = {}
     for link in system.iter(_NAME("Description", "Connection")):
         if len(link):
             raise NotImportable("a connection of it changes values", "Connect what is equal.")
@@ -341,7 +347,9 @@ def _model(archive: ZipFile, path: Path, name: str, file: str, models: NewNames)
         if not taker:
             outputs.append(f"  output {names.new(taken)} = {words[giver]}.{own[giver][given_name].name}")
             continue
-        item = own[taker][taken]
+        item, end = own[taker][taken], (giver, given_name)
+        if givers.setdefault((taker, taken), end) != end:
+            raise NotImportable(f"two connections of it end at `{printable(taker)}.{printable(taken)}`", "Connect one.")
         if not giver and given_name not in inputs:
             inputs[given_name] = names.new(given_name)
             lines.append(f"  input {declared(item, word=inputs[given_name])} = {_start(item, values.get(given_name))}")
