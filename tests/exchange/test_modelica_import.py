@@ -218,6 +218,8 @@ REFUSED = {
     "`edge` cannot be imported here": "Boolean b; Real x; equation b = time > 1; x = if edge(b) then 1 else 0;",
     "too large a number": "Real x; equation x = 1e999;",
     "`change(…)`": "discrete Real n, m; equation when time > 1 then n = 1; end when; when change(n) then m = 2; end when;",
+    "`s` cannot be imported here": "Boolean s; discrete Real n; equation s = sample(0, 1); when {s, time > 3} then n = time; end when;",
+    "set different things by `sample` or `change`": "Real x, y; equation der(x) = 1; der(y) = 1; when sample(0, 1) then reinit(x, 0); elsewhen y > 1 then reinit(y, 0); end when;",
     "`StopTime` is not a number": "Real x; equation x = 1; annotation(experiment(StopTime = T));",
     "`M` ends as `N`": "Real x; equation x = 1; end N; model M2 Real x; equation x = 1;",
 }  # fmt: skip
@@ -301,6 +303,7 @@ ENDS = {  # x at t = 2 s
     "equation der(x) = 1; annotation(experiment(StartTime = -3, StopTime = 4/2));": 5,
     "Real y(start = 0, fixed = true); equation der(x) = 1; der(y) = 1; when x > 1 then reinit(y, -1); elsewhen y > 1 then reinit(x, 7); end when;": 2,
     'Real y "in" + " two"; equation der(x) = y; y = delay(time, 1, 2);': 0.5,
+    "equation if time > 1 then der(x) + time = 0; else der(x) - 1 = 0; end if;": -0.5,
     'parameter Real a(unit = "m7") = 2; parameter Real d = a; equation der(x) = d^3;': 16,
 }  # fmt: skip
 
@@ -311,6 +314,13 @@ def test_values_are_those_of_modelica(body: str) -> None:
         to=None if "experiment" in body else 2, points=3
     )
     assert result["x"][-1] == pytest.approx(ENDS[body], rel=1e-6)
+
+
+def test_bounds_of_parameters_are_required() -> None:
+    text = 'model M parameter Real k(unit = "N", min = 0, max = 2*q) = 3; parameter Real q(unit = "N") = 4; Real x; equation der(x) = 1; end M;'
+    model = bondgraph.load(imported(text))
+    texts = [[w.text for w in model.simulate(settings={"k": f"{k} N"}, to=1, points=2).warnings] for k in (-1, 8, 9)]
+    assert texts == [["min of k"], [], ["max of k"]]
 
 
 COUNTS = {  # what counts until t = 10 s; sin(time) > 0.5 begins at 0.52 s and 6.81 s, sin(time) > -0.3, which holds at the start, at 5.98 s

@@ -164,7 +164,7 @@ class EventFinder:
         """Return a term without `pre`, whose names mean what was; refuse what reads an edge or a sample in other ways."""
         if is_call(term, "pre"):
             return term.parts[0]
-        if is_call(term, "edge", "change", "sample"):
+        if is_call(term, "edge", "change", "sample") or (term.kind == "name" and term.word in self.form.samples):
             self.model.refuse(
                 term, f"`{term.word}` cannot be imported here", "It stands alone as the condition of a `when`."
             )

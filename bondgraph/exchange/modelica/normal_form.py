@@ -54,6 +54,10 @@ class Normalizer:
         for item in model.declared.values():
             if "start" in item.attributes:
                 form.starts[item.name] = self.term(item.attributes["start"])
+            for bound, sign in (("min", ">="), ("max", "<=")) if "parameter" in item.prefixes - {"final"} else ():
+                if bound in item.attributes:
+                    limit = Term("compare", sign, (named(item.name), self.term(item.attributes[bound])))
+                    form.requirements.append((limit, f'"{bound} of {item.name}"'))
             if item.value is not None and item.is_given:
                 form.values[item.name] = self.term(item.value)
             elif item.value is not None:
@@ -121,7 +125,7 @@ class Normalizer:
 
     def _check_name(self, term: Term) -> None:
         base = term.word.partition("[")[0]
-        if term.word not in self.model.declared and term.word != "time":
+        if term.word not in self.model.declared and term.word != "time" and term.word[4:-1] not in self.form.states:
             is_array = base in self.families
             what = f"the array `{printable(base)}` is not flattened" if is_array else f"`{printable(term.word)}` is not declared"  # fmt: skip
             self.model.refuse(term, what, SCALARS if is_array else "Declare it in the model.")
@@ -216,10 +220,17 @@ class Normalizer:
         names = list(dict.fromkeys(name for when in whens for name in when.settings))
         if all(len(when.settings) == len(names) for when in whens):  # the language refuses what one instant sets twice
             return whens
-        rows = [(joined("or", *(Term("call", "edge", (c,)) for c in when.conditions)), when.settings) for when in whens]
+        conditions = [tuple(c.parts[0] if is_call(c, "edge") else c for c in when.conditions) for when in whens]
+        if any(is_call(c, "sample", "change") for several in conditions for c in several):
+            self.model.refuse(equation, "branches that set different things by `sample` or `change` cannot be imported", "Write several `when`s.")  # fmt: skip
+            return whens
+        rows = [
+            (joined("or", *(Term("call", "edge", (c,), when.place.place) for c in several)), when.settings)
+            for several, when in zip(conditions, whens, strict=True)
+        ]
         truths, old = [*(t for t, _ in rows), TRUE], {n: Term("call", "pre", (named(n),)) for n in names}
         chosen = {n: self.chosen(truths, [*(s.get(n, old[n]) for _, s in rows), old[n]]) for n in names}
-        return [When(tuple(c for when in whens for c in when.conditions), chosen, whens[0].place)]
+        return [When(tuple(c for several in conditions for c in several), chosen, whens[0].place)]
 
     def _settings(self, body: Iterable[Term]) -> dict[str, Term]:
         """Return what a branch of a `when` sets."""
