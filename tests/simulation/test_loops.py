@@ -16,8 +16,10 @@ from scipy.optimize import brentq
 import bondgraph
 from bondgraph.errors import RunFailed
 from bondgraph.numerics.homotopy import follow
-from bondgraph.simulation.integrators.loop_newton import relative_step
+from bondgraph.simulation.integrators.linear_algebra.factors import Factors
+from bondgraph.simulation.integrators.loop_newton import LoopSystem, relative_step, solve_loops
 from bondgraph.simulation.loops.branches import _regular
+from compiler.api import zeros_of
 
 DIODE = """model A {
   parameter supply = 5 kV
@@ -198,6 +200,49 @@ def test_a_correction_that_is_not_finite_is_not_hidden_by_another_unknown(step: 
     """Corrections of the other unknowns alone would tell that the loop is solved."""
     loop: Any = SimpleNamespace(n=2, step=step, z=(1.0, 1.0), unit=(1.0, 1.0))
     assert not math.isfinite(relative_step(loop, 1e-3))
+
+
+def by_newton(law: Callable[[float], float], slope: Callable[[float], float], magnitude: float, guess: float) -> Any:
+    """What Newton's method says of one unknown, and where it ends."""
+
+    def derivative(*given: Any) -> None:
+        given[-1][0] = law(given[1][0])
+
+    def entries(*given: Any) -> None:
+        given[-1][0] = slope(given[1][0])
+
+    arrays = zeros_of(LoopSystem, n=1, variables=1, entry_count=1, all_entries=1)
+    loop: Any = SimpleNamespace(**arrays, **dict.fromkeys(("inputs", "constants", "mode"), np.zeros(0)))
+    loop.derivative, loop.entries, loop.time, loop.unknown, loop.n, loop.entry_count = derivative, entries, 0.0, 0, 1, 1
+    loop.real = SimpleNamespace(**zeros_of(Factors, n=1))
+    loop.state, loop.magnitude, loop.z = np.zeros(1), np.array([magnitude]), np.array([guess])
+    loop.places = loop.chosen = loop.rows = loop.columns = np.zeros(1, dtype=int)
+    return solve_loops(loop, 0), float(loop.z[0])
+
+
+@pytest.mark.parametrize("steep", [1.0, 1e3, 4e4, 1e5, 3e5, 1e8])
+@pytest.mark.parametrize("push", [3e-16, 1e-16, 1e-18, 1e-21, -1e-16, -2e-16])
+def test_the_one_of_an_exponential_hides_a_smaller_unknown(steep: float, push: float) -> None:
+    """exp(u) - 1 is a multiple of 1e-16: where all was at rest no correction counted as small enough, and a valve could not open."""
+    right = push / (1 / 0.3 + steep)
+    solved, f = by_newton(
+        lambda f: 0.3 * (math.exp(push - steep * f) - 1) - f, lambda f: -0.3 * steep * math.exp(push - steep * f) - 1, 10 * abs(right), 0.0
+    )  # fmt: skip
+    assert solved and abs(f - right) <= 2.3e-16 / (1 / 0.3 + steep)
+
+
+@pytest.mark.parametrize(
+    ("law", "slope", "guess"),
+    [
+        (lambda z: math.tanh(1e9 * z) + 1.5, lambda z: 1e9 / math.cosh(1e9 * max(z, -1e-7)) ** 2, 3e-9),
+        (lambda z: z + math.copysign(1.0, z) + 0.5, lambda z: 1.0, 0.0),
+        (lambda z: max(z, 0.0) + 1.0, lambda z: float(z >= 0), 0.0),
+        (lambda z: z * z + 1e-3, lambda z: 2 * z, 0.01),
+    ],
+)
+def test_a_residual_that_answers_is_none_of_rounding(law: Any, slope: Any, guess: float) -> None:
+    """Beside a narrow slope, a jump, a bend and a minimum there is no solution."""
+    assert not by_newton(law, slope, 1.0, guess)[0]
 
 
 @pytest.mark.parametrize("jump", ["w^3 - w = (0.1 if time > 1 else 3) for w = 1", "w^3 - w = b + 0*time for w = 1 when time > 1 { b = 0.1 }", "w^3 - w = b + 0*time for w = 1 every 3 { b = 0.1 }"])  # fmt: skip

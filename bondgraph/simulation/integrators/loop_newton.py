@@ -23,6 +23,7 @@ LEAST, LEAST_OF_MANY = 1e-3, 1e-6  # of the magnitude: smaller unknowns count as
 FARTHEST, NEAR = 2.0**-12, 2.0**-21  # of the unknowns: neighbours whose residuals tell of rounding
 NEIGHBOURS = 20  # each at a quarter of the distance of that before
 ERRATIC = 4.0  # times the distance from a straight line
+PART = 0.0625  # of a correction: the farthest place at which residuals should be as derivatives say; each other at a quarter of the one before
 INFINITE = float("inf")
 
 
@@ -76,13 +77,16 @@ def solve_loops(s: LoopSystem, many: int) -> int:
         if size < CLOSE and (factor < 1.0 or not are_small(s)) and hides_residuals(s, size):
             if factor < 1.0:
                 return 0  # laws have no value just beyond
+            if size >= 0.25 * before and is_unresolved(s):
+                return 1
             before = size
             continue
         if factor == 0.0:
-            return 1 if (many == 0 and (size < CLOSE or is_loop_rounding(s))) or is_erratic(s) else 0
+            rounds = many == 0 and (size < CLOSE or is_loop_rounding(s))
+            return 1 if rounds or is_erratic(s) or (many == 0 and is_unresolved(s)) else 0
         stuck = stuck + 1 if factor < SHORT else 0
         if stuck == STUCK:
-            return 0
+            return 1 if many == 0 and is_unresolved(s) else 0
         if size <= SMALLEST or (size < CLOSE and size >= 0.25 * before):
             return 1
         before = size
@@ -305,4 +309,30 @@ def is_erratic(s: LoopSystem) -> bool:
     for i in range(s.n):
         if not abs(s.value[i]) <= ERRATIC * s.scale[i]:
             return False
+    return True
+
+
+def is_unresolved(s: LoopSystem) -> bool:
+    """Return True if residuals that are not small are rounding of terms that no unknown shows, of the 1 in exp(u) - 1 or of flows that cancel: at no part
+    of a correction, however small, they change as derivatives say, and they do not jump there."""
+    if not newton_step(s) or not relative_step(s, LEAST) < 1.0 / LEAST:
+        return False
+    are_small(s)
+    for i in range(s.n):
+        s.scale[i] = 1.0 if abs(s.value[i]) <= ROUNDED * s.found[i] else 0.0  # 1: nothing is to be shown
+    for side in range(2):
+        share = PART * (1 - 2 * side)
+        for _ in range(NEIGHBOURS):
+            for i in range(s.n):
+                s.trial[i] = s.z[i] + share * s.step[i]
+            if not residual(s, s.trial, s.found):
+                return False
+            for i in range(s.n):
+                expected = -share * s.value[i]
+                if s.scale[i] == 0.0 and abs(s.found[i] - s.value[i] - expected) <= 0.5 * abs(expected):
+                    return False
+            share *= 0.25
+        for i in range(s.n):
+            if s.scale[i] == 0.0 and abs(s.found[i] - s.value[i]) > 0.5 * abs(s.value[i]):
+                return False
     return True
