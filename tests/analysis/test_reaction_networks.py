@@ -95,11 +95,40 @@ def test_rates_that_are_rounding_need_no_correction() -> None:
     assert found["at_a"] + found["at_d"] + found["at_e"] == pytest.approx(0.43 + 1.92 + 1.36, rel=1e-9)
 
 
-def test_a_rest_is_not_far_beyond_what_there_was() -> None:
-    """All rates vanish with the square of d, and b, which a vanished amount reads, was at -3e31."""
-    rates = {"a": "4.102*d*d - 0.856*a", "b": "0.216*a", "d": "1.28*a - 8.204*d*d", "e": "-2.434*b*e"}
-    with pytest.raises(RunFailed, match=r"has left the sum of .*`b`"):
-        rest(rates, {"a": 0, "b": 0, "d": 1.64, "e": 1.56})
+@pytest.mark.parametrize(
+    ("rates", "start", "right"),
+    [
+        # all rates vanish with the square of d: b, which a vanished amount reads, was at -3e31
+        (
+            {"a": "4.102*d*d - 0.856*a", "b": "0.216*a", "d": "1.28*a - 8.204*d*d", "e": "-2.434*b*e"},
+            {"a": 0, "b": 0, "d": 1.64, "e": 1.56}, {"a": 0, "b": 0.82, "d": 0, "e": 0},
+        ),
+        # 3 (a + b + c + d) + e + 2 f stays: e was 5.91
+        (
+            {
+                "a": "1.206*d - 0.569*a*c - 0.103*a", "b": "0.569*a*c - 5.522*b + 5.204*f*e", "c": "0.103*a + 0.4*d - 0.153*c",
+                "d": "-1.206*d - 0.4*d + 0.153*c", "e": "5.522*b - 5.204*f*e + 12.358*f", "f": "5.522*b - 5.204*f*e - 6.179*f",
+            },
+            {"a": 0, "b": 0, "c": 0.5, "d": 0.26, "e": 1.89, "f": 0.83}, {"a": 0, "c": 0, "e": 5.83, "f": 0},
+        ),
+    ],
+)  # fmt: skip
+def test_sums_are_kept_where_amounts_vanish_with_a_product(
+    rates: dict[str, str], start: dict[str, float], right: dict[str, float]
+) -> None:
+    """The last steps are as long as the slowest motion, whose direction rounding made of sums that every motion keeps."""
+    found = rest(rates, start)
+    assert [found[f"at_{n}"] for n in right] == pytest.approx(list(right.values()), abs=1e-7)
+
+
+def test_a_state_that_grows_for_ever_hides_no_rate() -> None:
+    """a was 4.5e13 at rest, stable, with a rate of 0.07: in units of its terms that was nothing."""
+    rates = {
+        "a": "0.212*e - 0.135*a*d + 0.736*c", "b": "2.771*d - 0.994*b + 0.736*c", "c": "8.2*e - 3.308*c - 1.297*c*d + 5.315*e*d",
+        "d": "0.212*e - 2.771*d - 0.135*a*d + 0.243*b", "e": "0.135*a*d - 8.412*e + 1.93*c + 1.297*c*d - 5.315*e*d + 0.23",
+    }  # fmt: skip
+    with pytest.raises(RunFailed, match="the rate of `a` does not vanish"):
+        rest(rates, {"a": 1.57, "b": 0, "c": 1.43, "d": 0, "e": 0.27})
 
 
 def test_laws_of_elements_tell_what_stays() -> None:

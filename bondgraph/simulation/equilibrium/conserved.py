@@ -52,19 +52,17 @@ def conserved_sums(scene: CompiledScene, parameters: Array) -> Array:
     return whole
 
 
-def with_sums_kept(
-    scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment
-) -> Array:
+def with_sums_kept(sums: Array, constraints: Constraints, start: Array, rest: Array, segment: Segment) -> Array:
     """Return a rest with the states that nothing reads where the sums that they are part of have the values of the start. Raises `RunFailed` if a sum of
-    others has lost more than there was."""
+    others is another."""
     unread = unread_states(constraints, segment.start, rest, segment.mode)
-    sums, n, program = conserved_sums(scene, constraints.parameters), len(unread), scene.program
+    n, program = len(unread), constraints.program
     own, moved = sums[:, unread], np.array(rest)
     if own.any():
         size = nonzero(np.abs(own).max(axis=0))
         moved[np.flatnonzero(unread)] += np.linalg.lstsq(own / size, sums @ (start - rest)[:n])[0] / size
     there = np.abs(sums) @ largest_of_group(np.abs(start[:n]), group_numbers(program.states.units))
-    for row in np.flatnonzero((np.abs(sums @ (moved - start)[:n]) > there) & (there > 0)).tolist():
+    for row in np.flatnonzero((np.abs(sums @ (moved - start)[:n]) > KEPT * there) & (there > 0)).tolist():
         names = [program.states.names[i] for i in np.flatnonzero(np.abs(sums[row]) > KEPT)]
         raise RunFailed(
             "BR750", f"no equilibrium was found: the search has left the sum of {listed(names)}, which every motion keeps; a run finds where it ends"
@@ -72,9 +70,7 @@ def with_sums_kept(
     return moved
 
 
-def path_notes(
-    scene: CompiledScene, constraints: Constraints, start: Array, rest: Array, segment: Segment
-) -> tuple[str, ...]:
+def path_notes(sums: Array, constraints: Constraints, start: Array, rest: Array, segment: Segment) -> tuple[str, ...]:
     """Return the note on states that are at a rest where a search, and not the motion, has left them: of a family of rests which no sum tells apart."""
     n, same = constraints.count, (constraints.inputs, constraints.constants, segment.mode)
     if not n or n > LARGEST or np.array_equal(start[:n], rest[:n]):
@@ -83,8 +79,8 @@ def path_notes(
     moves = np.abs(np.asarray(rates, dtype=float)[:n])
     moves[moves <= KEPT * largest_of_group(moves, search.kind)] = 0.0
     moves += np.abs(rest - start)[:n] > KEPT * np.abs(rest)[:n]
-    loose = undetermined(search, np.array(rest), conserved_sums(scene, constraints.parameters))
-    names = [scene.program.states.names[i] for i in np.flatnonzero(loose & (moves > 0))]
+    loose = undetermined(search, np.array(rest), sums)
+    names = [constraints.program.states.names[i] for i in np.flatnonzero(loose & (moves > 0))]
     if not names:
         return ()
     return (

@@ -25,8 +25,10 @@ RESTING = 1e-8  # relative to the terms in a rate: a larger rate is a motion
 FIRST = 0.1  # of the time in which the first rates reach a magnitude: without restoring forces eigenvalues give no time
 # Relative to the rates of the start: what a state far away leaves of them at most, a hundred times the error of the vectors that combine them.
 BALANCED = 100 * SINGULAR
+POLISHING, HALVES = 60, (0.3, 0.8)  # last corrections; the share that a root of several orders leaves of each
 NOTHING = 1e-40  # relative to the magnitude of a state: zero, far below the squared rounding that Newton's method leaves of one
 STEADY = 1e-7  # relative to the terms in a rate: a smaller change along a motion is none
+AWAY = 1e6  # magnitudes of the start: a state beyond hides in its terms what drives those that it has made small
 FAR = 1e9  # rad: an angle that something must restore
 ALIKE = 0.1  # relative: a change of rates that is as derivatives say
 FEW = 16  # values of a rate, of four times as many, if each is a rounding apart from the next
@@ -52,6 +54,10 @@ class EquilibriumSearch:
         self.drag: Any = np.zeros(self.count)  # 1/s, on speeds
         self.largest_rate: tuple[Any, float] = (None, 0.0)  # derivatives, and their largest eigenvalue
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
+        self.longest = 0.0  # length of the last step, s
+        self.sums: Any = np.zeros(
+            (0, self.count)
+        )  # factors of the states in sums that every motion keeps, a row for each
 
     def group(self, units: Sequence[str]) -> None:
         """Set the groups of states of one unit, which are speeds, coordinates, and angles: those without a unit, unless no state has one."""
@@ -67,8 +73,7 @@ class EquilibriumSearch:
         if self.constraints:
             self.basis = self.constraints.tangents(self.time, full, self.mode)
         n = self.count
-        if self.unread is None:
-            self.unread = unread_states(self.constraints, self.time, full, self.mode)
+        self.leave_unread(full)
         slope = self.rates(full)
         whole = np.asarray(self.program.jacobian(self.time, full, *self.fixed))
         jacobian = whole[:n, :n].copy()
@@ -81,6 +86,13 @@ class EquilibriumSearch:
         jacobian[self.unread] = self.terms[self.unread] = 0.0
         self.largest = np.maximum(self.largest, np.abs(full[:n]))
         return full, slope, jacobian
+
+    def leave_unread(self, full: Array) -> None:
+        """Set which states nothing reads, with the first state: they are no part of the search, nor are sums with them."""
+        if self.unread is None:
+            self.unread = unread_states(self.constraints, self.time, full, self.mode)
+            left, sizes, _ = np.linalg.svd(self.sums[:, self.unread])
+            self.sums = left[:, int((sizes > CLOSE).sum()) :].T @ self.sums
 
     def derivatives_with_terms(self, full: Array) -> Any:
         """Return the derivatives by the states alone as a dense matrix (n, n), and put the sizes of their terms into `terms`; None where they have none."""
@@ -144,7 +156,7 @@ class EquilibriumSearch:
     def step(self, full: Array, slope: Array, jacobian: Any, size: float) -> tuple[Any, Any, Any] | None:
         """Make one implicit Euler step; None if its result is not finite."""
         try:
-            change = self.euler(slope, jacobian, size)
+            change, self.longest = self.euler(slope, jacobian, size), size
             trial = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
         except (np.linalg.LinAlgError, RunFailed):
             return None
@@ -153,9 +165,18 @@ class EquilibriumSearch:
     def euler(self, slope: Array, jacobian: Array, size: float) -> Any:
         """Return the change of the states in one implicit step. Raises LinAlgError."""
         if self.basis is None:
-            return np.linalg.solve(np.eye(self.count) / size - jacobian, slope)
+            found = np.linalg.solve(np.eye(self.count) / size - jacobian, np.column_stack([slope, self.sums.T]))
+            return self.with_sums(found)
         inner = self.basis.T @ jacobian @ self.basis
         return self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
+
+    def with_sums(self, found: Array) -> Any:
+        """Return the first column, the change of a step, without what its rounding makes of conserved sums: as much as there is where a step is as long as
+        the slowest motion. The other columns are what the same step makes of the factors of the sums."""
+        change, ways = found[:, 0], found[:, 1:]
+        if not ways.shape[1] or self.drag.any():
+            return change
+        return change - ways @ np.linalg.solve(self.sums @ ways, self.sums @ change)
 
     def correction(self, slope: Array, jacobian: Any, noise: Any = None) -> Any:
         """Return Newton's minimum-norm step, which is zero along directions without restoring force. Infinite if nothing balances the rates.
@@ -233,12 +254,20 @@ class EquilibriumSearch:
         return np.maximum(seen, np.abs(jacobian) @ seen / fastest) if fastest > 0 else seen
 
     def polished(self, full: Array, slope: Array, jacobian: Any) -> Any:
-        """Apply the last corrections, to round-off."""
-        for _ in range(3):
-            change = self.correction(slope, jacobian)
-            if not np.isfinite(change).all():
+        """Apply the last corrections, to round-off; those of a root of several orders go on to where its rates are nothing."""
+        last, n = 0.0, self.count
+        for number in range(POLISHING):
+            try:
+                self.longest *= 2.0
+                keeps = len(self.sums) and self.longest
+                change = self.euler(slope, jacobian, self.longest) if keeps else self.correction(slope, jacobian)
+            except np.linalg.LinAlgError:
+                break
+            size = float((np.abs(change) / self.scale(np.zeros(n))).max(initial=0.0))
+            if not np.isfinite(size) or (number > 2 and not HALVES[0] * last < size < HALVES[1] * last):
                 break  # the remainder is rounding
-            full, slope, jacobian = self.at(np.concatenate([full[: self.count] + change, full[self.count :]]))
+            last = size
+            full, slope, jacobian = self.at(np.concatenate([full[:n] + change, full[n:]]))
         size = NOTHING * self.scale(np.zeros(self.count))
         return np.concatenate(
             [np.where(np.abs(full[: self.count]) < size, 0.0, full[: self.count]), full[self.count :]]
@@ -287,6 +316,10 @@ class EquilibriumSearch:
             return full
         self.refuse_spin(full, slope, jacobian)
         self.largest = self.begun[0]  # what a motion has made large hides nothing that drives it
+        own = np.abs(jacobian) @ np.abs(full[: self.count]) + self.loop_terms
+        away = (np.abs(full[: self.count]) > AWAY * self.scale(np.zeros(self.count))).any()
+        if away and (np.abs(slope) > np.maximum(RESTING * own, BALANCED * self.begun[1])).any():
+            raise self.no_rest(slope)
         terms = np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.begun[2]
         noise = ROUNDING * terms + BALANCED * self.begun[1]
         if (np.abs(slope) > noise).any() and not (

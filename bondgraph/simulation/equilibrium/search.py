@@ -30,11 +30,14 @@ MOVED = 1e-9  # relative to the largest part of a direction, in magnitudes: smal
 KEPT = 1e-6  # of the product of a direction and a conserved sum, in magnitudes: less is rounding
 
 
-def equilibrium(constraints: Constraints, state: Array, first: Segment) -> Any:
-    """Return the equilibrium that is reached from a state, with the unknowns of loops. Raises `RunFailed` if there is none."""
+def equilibrium(constraints: Constraints, state: Array, first: Segment, sums: Array | None = None) -> Any:
+    """Return the equilibrium that is reached from a state, with the unknowns of loops; `sums`: factors (k, n) of the states in sums that every motion keeps.
+    Raises `RunFailed` if there is none."""
     if not constraints.count:
         return state
-    return found_by(search_at(constraints, first), np.array(state))
+    search = search_at(constraints, first)
+    search.sums = search.sums if sums is None else sums
+    return found_by(search, np.array(state))
 
 
 @np.errstate(all="ignore")  # a trial may lead to where a law has no value
@@ -152,7 +155,8 @@ def held_at_start(search: EquilibriumSearch, start: Array, rest: Array) -> Any:
         if np.isfinite(slope).all() and search.close(x, slope, jacobian):
             nearer = search.rested(search.polished(x, slope, jacobian))
             size = np.maximum(np.abs(start[: search.count]), search.scale(np.zeros(search.count)))[places]
-            if (np.abs(nearer - start)[places] <= KEPT * size).all():
+            sums = np.abs(search.sums @ (nearer - rest)[: search.count]).max(initial=0.0)
+            if (np.abs(nearer - start)[places] <= KEPT * size).all() and sums <= KEPT * size.max():
                 return nearer
     except (RunFailed, np.linalg.LinAlgError):
         pass

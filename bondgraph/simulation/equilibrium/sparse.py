@@ -17,7 +17,6 @@ from compiler.api import Array
 from ...errors import RunFailed
 from ...numerics.scales import nonzero, null_basis
 from .dense import CLOSE, SINGULAR, VECTORS, EquilibriumSearch
-from .steady import unread_states
 
 OFF = 1e-10  # relative to the largest entries: size of the perturbation
 COLUMNS = (4, 16, 64)  # numbers of columns; more are used where all of the first are null vectors
@@ -34,8 +33,7 @@ class SparseSearch(EquilibriumSearch):
         from scipy.sparse import csc_array, diags_array
 
         full = self.loops.solve(self.time, full, self.mode)
-        if self.unread is None:
-            self.unread = unread_states(self.constraints, self.time, full, self.mode)
+        self.leave_unread(full)
         slope = self.rates(full)
         entries = np.asarray(self.program.jacobian_entries(self.time, full, *self.fixed), dtype=float)
         whole = csc_array((entries, self.program.pattern), shape=(len(full), len(full)))
@@ -81,7 +79,8 @@ class SparseSearch(EquilibriumSearch):
         """Return the same as `EquilibriumSearch.euler`."""
         from scipy.sparse import eye_array
 
-        return self._factors((eye_array(self.count) / size - jacobian).tocsc()).solve(slope)
+        factors = self._factors((eye_array(self.count) / size - jacobian).tocsc())
+        return self.with_sums(factors.solve(np.column_stack([slope, self.sums.T])))
 
     def _least(self, slope: Array, jacobian: Any, noise: Array, size: Array, terms: Any) -> Any:
         """Return the same as `EquilibriumSearch._least`; rates that no change can cancel, and conserved quantities, come from the two null spaces."""

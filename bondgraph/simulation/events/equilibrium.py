@@ -7,7 +7,7 @@ they differ there, it goes on in the mode that they give.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from compiler.api import Array
 
 from ...errors import RunFailed
 from ..constraints.constraints import Constraints
+from ..equilibrium.conserved import with_sums_kept
 from ..equilibrium.dense import ROUNDING, EquilibriumSearch
 from ..equilibrium.search import equilibrium, found_by
 from ..segments.sampling import sampling_of
@@ -31,9 +32,10 @@ STEP = 2.0**-13  # relative to a magnitude: difference step for sampled values, 
 
 
 def rest_with_events(
-    constraints: Constraints, state: Array, first: Segment, events: Events, with_sums: Callable[[Array, Array, Segment], Array]
-) -> HybridState:  # fmt: skip
-    """Return the hybrid state at the equilibrium, with its mode; `with_sums`: a rest with the sums of a start. Raises `RunFailed` if there is none."""
+    constraints: Constraints, state: Array, first: Segment, events: Events, sums: Array
+) -> HybridState:
+    """Return the hybrid state at the equilibrium, with its mode; `sums`: factors of the states in sums that every motion keeps. Raises `RunFailed` if
+    there is none."""
     visited = []
     at = HybridState(first.start, np.asarray(state, dtype=float), np.array(first.mode))
     sampled = sampled_settings(constraints)
@@ -43,11 +45,11 @@ def rest_with_events(
             search = SampledSearch(constraints, segment, sampled)
             full = found_by(search, search.joined(at.state, at.mode))
             rest, mode = search.split(full)
-            at = HybridState(at.time, with_sums(at.state, rest, segment), mode)
+            at = HybridState(at.time, with_sums_kept(sums, constraints, at.state, rest, segment), mode)
             slack[search.places] = search.slack(full)
         else:
-            rest = equilibrium(constraints, at.state, segment)
-            at = HybridState(at.time, with_sums(at.state, rest, segment), at.mode)
+            rest = equilibrium(constraints, at.state, segment, sums)
+            at = HybridState(at.time, with_sums_kept(sums, constraints, at.state, rest, segment), at.mode)
         events.measure(np.abs(at.state))
         events.log.clear()
         after = events.happen(at, due=events.due(at.time))
@@ -106,6 +108,7 @@ class SampledSearch(EquilibriumSearch):
         self.group(units)
         self.count = len(self.names)
         self.largest, self.unseen, self.drag = np.zeros((3, self.count))
+        self.sums = np.zeros((0, self.count))
 
     def joined(self, state: Array, mode: Array) -> Any:
         """Return a full state from the program's state and the mode."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -154,27 +153,27 @@ class PhaseInitialization:
 
     def _at_rest(self, start: StartOfPhase, horizon: float) -> StartOfPhase:
         """Return the equilibrium reached from a consistent state, with the mode that holds there. Raises `RunFailed`."""
-        from ..equilibrium.conserved import path_notes, with_sums_kept
+        from ..equilibrium.conserved import conserved_sums, path_notes, with_sums_kept
         from ..equilibrium.search import equilibrium
         from ..equilibrium.steady import check_steady, steady_rates
 
         program, constraints, before = self.program, self.constraints, start.state
         refuse_units(program.hybrid)
-        with_sums = partial(with_sums_kept, self.compilation, constraints)
+        sums = conserved_sums(self.compilation, constraints.parameters)
         if program.hybrid is None or self.companion is not None:
-            rest = equilibrium(constraints, start.state, start.first)
-            start = replace(start, state=with_sums(start.state, rest, start.first))
+            rest = equilibrium(constraints, start.state, start.first, sums)
+            start = replace(start, state=with_sums_kept(sums, constraints, start.state, rest, start.first))
         else:
             from ..events.equilibrium import rest_with_events
             from ..events.events import Events
 
             events = Events(constraints, np.abs(start.state), horizon)
-            at = rest_with_events(constraints, start.state, start.first, events, with_sums)
+            at = rest_with_events(constraints, start.state, start.first, events, sums)
             start = replace(start, state=at.state, first=replace(start.first, mode=at.mode), events=events)
         first = start.first
         rates = steady_rates(constraints, first.start, start.state, first.mode)
         check_steady(self.compilation, program, rates)
-        notes = path_notes(self.compilation, constraints, before, start.state, first)
+        notes = path_notes(sums, constraints, before, start.state, first)
         return replace(start, notes=(*start.notes, *notes)) if notes else start
 
 
