@@ -220,7 +220,7 @@ def by_newton(law: Callable[[float], float], slope: Callable[[float], float], ma
     return solve_loops(loop, 0), float(loop.z[0])
 
 
-@pytest.mark.parametrize("steep", [1.0, 1e3, 4e4, 1e5, 3e5, 1e8])
+@pytest.mark.parametrize("steep", [1.0, 4e4, 1e5, 3e5, 1e8])
 @pytest.mark.parametrize("push", [3e-16, 1e-16, 1e-18, 1e-21, -1e-16, -2e-16])
 def test_the_one_of_an_exponential_hides_a_smaller_unknown(steep: float, push: float) -> None:
     """exp(u) - 1 is a multiple of 1e-16: where all was at rest no correction counted as small enough, and a valve could not open."""
@@ -238,6 +238,7 @@ def test_the_one_of_an_exponential_hides_a_smaller_unknown(steep: float, push: f
         (lambda z: z + math.copysign(1.0, z) + 0.5, lambda z: 1.0, 0.0),
         (lambda z: max(z, 0.0) + 1.0, lambda z: float(z >= 0), 0.0),
         (lambda z: z * z + 1e-3, lambda z: 2 * z, 0.01),
+        (lambda z: z**3 - 3 * z + 2 + 2e-5, lambda z: 3 * z * z - 3, 1.001),
     ],
 )
 def test_a_residual_that_answers_is_none_of_rounding(law: Any, slope: Any, guess: float) -> None:

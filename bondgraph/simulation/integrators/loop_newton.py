@@ -24,6 +24,7 @@ FARTHEST, NEAR = 2.0**-12, 2.0**-21  # of the unknowns: neighbours whose residua
 NEIGHBOURS = 20  # each at a quarter of the distance of that before
 ERRATIC = 4.0  # times the distance from a straight line
 PART = 0.0625  # of a correction: the farthest place at which residuals should be as derivatives say; each other at a quarter of the one before
+ROUGH = 100.0  # residuals: the most that rounding adds to those beside where it hides them
 INFINITE = float("inf")
 
 
@@ -314,25 +315,26 @@ def is_erratic(s: LoopSystem) -> bool:
 
 def is_unresolved(s: LoopSystem) -> bool:
     """Return True if residuals that are not small are rounding of terms that no unknown shows, of the 1 in exp(u) - 1 or of flows that cancel: at no part
-    of a correction, however small, they change as derivatives say, and they do not jump there."""
-    if not newton_step(s) or not relative_step(s, LEAST) < 1.0 / LEAST:
+    of a correction, however small, they change as derivatives say, nor by much."""
+    if not newton_step(s) or not relative_step(s, 1.0) < 1.0:  # beside a minimum corrections are longer
         return False
     are_small(s)
     for i in range(s.n):
         s.scale[i] = 1.0 if abs(s.value[i]) <= ROUNDED * s.found[i] else 0.0  # 1: nothing is to be shown
     for side in range(2):
         share = PART * (1 - 2 * side)
-        for _ in range(NEIGHBOURS):
+        much = ROUGH
+        for k in range(NEIGHBOURS):
             for i in range(s.n):
                 s.trial[i] = s.z[i] + share * s.step[i]
             if not residual(s, s.trial, s.found):
                 return False
             for i in range(s.n):
                 expected = -share * s.value[i]
-                if s.scale[i] == 0.0 and abs(s.found[i] - s.value[i] - expected) <= 0.5 * abs(expected):
+                change = s.found[i] - s.value[i]
+                answers = abs(change - expected) <= 0.5 * abs(expected) or abs(change) > much * abs(s.value[i])
+                if s.scale[i] == 0.0 and answers:
                     return False
             share *= 0.25
-        for i in range(s.n):
-            if s.scale[i] == 0.0 and abs(s.found[i] - s.value[i]) > 0.5 * abs(s.value[i]):
-                return False
+            much = ROUGH if k < NEIGHBOURS - 2 else 0.5
     return True
