@@ -332,9 +332,11 @@ def is_unresolved(s: LoopSystem) -> bool:
             for i in range(s.n):
                 expected = -share * s.value[i]
                 change = s.found[i] - s.value[i]
-                answers = abs(change - expected) <= 0.5 * abs(expected) or abs(change) > much * abs(s.value[i])
-                if s.scale[i] == 0.0 and answers:
+                answers = abs(change - expected) <= 0.5 * abs(expected)
+                if s.scale[i] < 1.0 and ((answers and s.scale[i] < 0.0) or abs(change) > much * abs(s.value[i])):
                     return False
+                if s.scale[i] < 1.0:
+                    s.scale[i] = -1.0 if answers else 0.0  # once may be by chance
             share *= 0.25
             much = ROUGH if k < NEIGHBOURS - 2 else 0.5
     return True
