@@ -183,6 +183,33 @@ def test_items_and_sums_of_numbers_with_a_unit(default: str, name: str, number: 
         )
 
 
+NAMED = """model Part { parameter a = 30 deg, d = (10 deg, 20 deg), T = 20 degC, b = a, c = b, half = -c/2, list = d, warm = T, ratio = half/a, inverse = 1/a, own: rad = a
+  output y = a }
+model A { Part part { BRACES }; output z = part.a }"""
+
+
+@pytest.mark.parametrize(
+    ("value", "unit"),
+    [
+        ("b = 45", "deg"),
+        ("c = 45", "deg"),
+        ("half = 45", "deg"),
+        ("list = (1, 2)", "deg"),
+        ("warm = 0", "degC"),
+        ("ratio = 2", ""),
+        ("inverse = 2", ""),
+        ("own = 2", ""),
+        ("b = 1 rad", ""),
+        ("b = 0", ""),
+    ],
+)
+def test_a_bare_number_where_the_default_is_a_name(value: str, unit: str) -> None:  # fmt: skip
+    """45 of `b = a`, with a in deg, was 45 rad, which tables showed as 2578 deg."""
+    told = [d.sentence for d in check(NAMED.replace("BRACES", value))]
+    name = value.partition(" = ")[0]
+    assert all(f"`{name}` is in {unit}, but" in words for words in told) and bool(told) == bool(unit)
+
+
 STUDIED = """model A {
   parameter a: deg = 30, share = 5 %, gain = 20 dB, T = 20 degC, gap = 1 mm, M: deg = [[1, 2], [3, 4]], n = 2
   input u: deg = 30

@@ -55,7 +55,7 @@ def read_sweep(
             values.append(_choice(value, name, entry.choices))
             continue
         if item is not None and unit is None:
-            refuse_other_readings(elaborator, value, root, item)
+            refuse_other_readings(elaborator, value, root, item, root)
         elif unit is None and name in elaborator.quantities:
             refuse_bare(value, name, elaborator.quantities[name].counted)
         template = elaborator.template(value, root, unit)

@@ -99,12 +99,14 @@ def _is_number(names: KnownNames, expression: object, scope: Scope) -> bool:
     return isinstance(expression, tree.Literal) and bare(expression) and not OF_A_TURN.search(expression.span.text)
 
 
-def refuse_other_readings(names: KnownNames, value: tree.ExpressionSyntax, scope: Scope, item: tree.Item) -> None:
+def refuse_other_readings(
+    names: KnownNames, value: tree.ExpressionSyntax, scope: Scope, item: tree.Item, owner: Scope
+) -> None:
     """Raise `Wrong` for the rate of an angle as a quantity in Hz, for a frequency as one in rad/s or rpm, by its declaration or default, and for
-    what is set without a unit where it has another reading with that of the declaration or default."""
+    what is set without a unit where it has another reading with that of the declaration or default, which `owner` declares."""
     unit = item.unit if value is item.value else unit_of(item)
     if value is not item.value:
-        _refuse_bare_items(value, item)
+        _refuse_bare_items(names, owner, value, item)
     if unit is not None and not is_decibel(unit) and scale_of(unit).dimension == ONE / SECOND:
         _refuse_rate(names, value, scope, unit.span.text.strip("[] "))
 
@@ -128,9 +130,25 @@ def _unit_in(value: object) -> tree.Unit | None:
     return None
 
 
-def counted(item: tree.Item, place: str = "") -> str:
+def _unit_by_name(
+    names: KnownNames, value: object, scope: Scope, place: str, most: int = MOST_NAMES
+) -> tree.Unit | None:
+    """Return the unit of a quantity that a name, its negative or a multiple of it stands for; None for anything else."""
+    match value:
+        case tree.Negative(operand=operand):
+            return _unit_by_name(names, operand, scope, place, most)
+        case tree.Product(factors=factors):
+            rest = [(exponent, factor) for exponent, factor in factors if not bare(factor)]
+            return _unit_by_name(names, rest[0][1], scope, place, most) if len(rest) == 1 and rest[0][0] > 0 else None
+        case tree.PathSyntax() if most > 0 and isinstance(entry := _read(names, value, scope), Pending):
+            own = unit_of(entry.item, place)
+            return own or _unit_by_name(names, entry.item.value, entry.owner, place, most - 1)
+    return None
+
+
+def counted(names: KnownNames, owner: Scope, item: tree.Item, place: str = "") -> str:
     """Return the unit of a number if it is another one without it, though both fit: deg, %, dB, and of zero degC; else nothing."""
-    unit = unit_of(item, place)
+    unit = unit_of(item, place) or _unit_by_name(names, item.value, owner, place)
     if unit is None or not (
         is_decibel(unit) or (scale := scale_of(unit)).offset or (scale.dimension == ONE and scale != Scale(ONE))
     ):
@@ -138,12 +156,14 @@ def counted(item: tree.Item, place: str = "") -> str:
     return unit.span.text.strip("[] ")
 
 
-def _refuse_bare_items(value: tree.ExpressionSyntax, item: tree.Item, place: str = "") -> None:
+def _refuse_bare_items(
+    names: KnownNames, owner: Scope, value: tree.ExpressionSyntax, item: tree.Item, place: str = ""
+) -> None:
     """Raise `Wrong` for a bare number, alone or in a list, that a quantity is set to."""
     for number, part in enumerate(value.items, 1) if isinstance(value, tree.VectorSyntax) else ():
-        _refuse_bare_items(part, item, f"{place}[{number}]")
+        _refuse_bare_items(names, owner, part, item, f"{place}[{number}]")
     if bare(value):
-        refuse_bare(value, item.name, counted(item, place))
+        refuse_bare(value, item.name, counted(names, owner, item, place))
 
 
 def refuse_bare(value: tree.ExpressionSyntax, name: str, unit: str) -> None:

@@ -314,7 +314,7 @@ class QuantityResolver(MemoryResolver):
         if pending.role in UNCHANGING_ROLES:
             self.require_static(template, scope, _known(pending))
         units = self._checked_units(pending, template.value, value, declared)
-        refuse_other_readings(self, value, scope, pending.item)
+        refuse_other_readings(self, value, scope, pending.item, pending.owner)
         if declared is None and self.guesses > guesses:
             units = [part.dimension for part in parts_of(template.value)]
         bounds = [self.bind(template, f, scope) for f in template.formulas]
@@ -408,7 +408,7 @@ class QuantityResolver(MemoryResolver):
             if isinstance(override, float):
                 bound = Bound(constant(override), ())
             else:
-                refuse_bare(override, name, counted(pending.item, suffix))
+                refuse_bare(override, name, counted(self, pending.owner, pending.item, suffix))
                 template = self.template(override, self.root)
                 self.require_static(template, self.root, _known(pending))
                 found = self._dimension(template.value)
@@ -420,7 +420,7 @@ class QuantityResolver(MemoryResolver):
         value = self.value_of(bound, span, decides=False) if role in ("parameter", "constant") else None
         if role == "constant" and value is not None and _reads_nothing(bound):
             return Scalar(value, dimension, role, name)  # a number with a name: nothing is left to be computed
-        item, own = pending.item, counted(pending.item, suffix)
+        item, own = pending.item, counted(self, pending.owner, pending.item, suffix)
         self.quantities[name] = Named(
             name, role, str(dimension or ONE), bound, value, item.span, item.description or "", counted=own
         )
@@ -429,7 +429,7 @@ class QuantityResolver(MemoryResolver):
     def _enter_later(self, pending: Pending, suffix: str, dimension: Dimension | None, span: Span) -> Scalar:
         """Enter a number that only a run knows, a parameter or an input, as an argument of the program."""
         name = pending.name + suffix
-        description, own = pending.item.description or "", counted(pending.item, suffix)
+        description, own = pending.item.description or "", counted(self, pending.owner, pending.item, suffix)
         self.quantities[name] = Named(
             name, "parameter", str(dimension or ONE), None, None, span, description, counted=own
         )
