@@ -218,6 +218,10 @@ REFUSED = {
     "`edge` cannot be imported here": "Boolean b; Real x; equation b = time > 1; x = if edge(b) then 1 else 0;",
     "too large a number": "Real x; equation x = 1e999;",
     "`change(…)`": "discrete Real n, m; equation when time > 1 then n = 1; end when; when change(n) then m = 2; end when;",
+    "the function `g`": "function g input Real x; output Real y; algorithm y := 0; for i in 1:3 loop y := y + x; end for; end g; Real x; equation x = g(1);",
+    "`t` has no value here": "function f input Real x; output Real y; protected Real t; algorithm y := t*x; end f; Real x, t = 1; equation x = f(2);",
+    "the call `h(…)`, as it is here": "function h input Real x; output Real y; algorithm y := x; end h; Real x; equation x = h(1, z = 2);",
+    "nested too deep": "function f input Real x; output Real y; algorithm y := f(x - 1); end f; Real x; equation x = f(2);",
     "`s` cannot be imported here": "Boolean s; discrete Real n; equation s = sample(0, 1); when {s, time > 3} then n = time; end when;",
     "set different things by `sample` or `change`": "Real x, y; equation der(x) = 1; der(y) = 1; when sample(0, 1) then reinit(x, 0); elsewhen y > 1 then reinit(y, 0); end when;",
     "`StopTime` is not a number": "Real x; equation x = 1; annotation(experiment(StopTime = T));",
@@ -304,6 +308,7 @@ ENDS = {  # x at t = 2 s
     "Real y(start = 0, fixed = true); equation der(x) = 1; der(y) = 1; when x > 1 then reinit(y, -1); elsewhen y > 1 then reinit(x, 7); end when;": 2,
     'Real y "in" + " two"; equation der(x) = y; y = delay(time, 1, 2);': 0.5,
     "equation if time > 1 then der(x) + time = 0; else der(x) - 1 = 0; end if;": -0.5,
+    "function f input Real a, b = 3; output Real y; protected Real t = a*b; algorithm t := t + 1; y := t^2; end f; equation der(x) = f(f(1), 0) + f(b = 2, a = time);": 2 + 124/6,
     'parameter Real a(unit = "m7") = 2; parameter Real d = a; equation der(x) = d^3;': 16,
 }  # fmt: skip
 

@@ -47,7 +47,7 @@ class Normalizer:
     """Maker of the normal form of a model, which notes what is refused."""
 
     def __init__(self, model: FlatModel) -> None:
-        self.model, self.form = model, NormalForm()
+        self.model, self.form, self.calls = model, NormalForm(), 0
         self.families = {name.partition("[")[0] for name in model.declared}
         form = self.form
         pairs: list[Pair] = []
@@ -92,6 +92,8 @@ class Normalizer:
 
     def term(self, term: Term) -> Term:
         """Return an expression in words of the language; note what is refused of it."""
+        if term.kind == "call" and term.word in self.model.functions:
+            return self._inlined(term)
         term, original = rebuilt(term, self.term), term
         parts = term.parts
         if term.kind == "name":
@@ -115,6 +117,30 @@ class Normalizer:
                 result = joined("or", joined("and", condition, value), joined("and", negated(condition), result))
             return self._bounded(result, original)
         return term
+
+    def _inlined(self, term: Term) -> Term:
+        """Return what a function of the file gives, by what it takes here."""
+        function, problems = self.model.functions[term.word], len(self.model.problems)
+        values = {p.word: p.parts[0] for p in term.parts if p.kind == "named"}
+        values |= zip(function.takes, (p for p in term.parts if p.kind != "named"), strict=False)
+        self.calls += 1
+        if len(values) < len(term.parts) or values.keys() - set(function.takes) or self.calls > MAXIMUM_PARTS:
+            hint = f"It has other arguments, or is called more than {MAXIMUM_PARTS} times."
+            self.model.refuse(term, f"the call `{printable(term.word)}(…)`, as it is here, cannot be imported", hint)
+            return ZERO
+
+        def put(part: Term) -> Term:
+            if part.kind == "name" and part.word not in values:
+                self.model.refuse(
+                    part, f"`{printable(part.word)}` has no value here", "A function reads what it takes and has set."
+                )
+            return values.get(part.word, ZERO) if part.kind == "name" else rebuilt(part, put)
+
+        for name, line in function.lines:
+            if name not in values or name not in function.takes:
+                values[name] = put(line)
+        result = self._bounded(put(named(function.gives)), term)
+        return self.term(result) if len(self.model.problems) == problems else ZERO
 
     def _bounded(self, term: Term, place: Term) -> Term:
         """Return what stands for another expression, which it may read several times; refuse what grows without bound."""

@@ -36,6 +36,15 @@ class NotImported(Diagnostic):
     hint: str
 
 
+@dataclass(frozen=True, slots=True)
+class OwnFunction:
+    """A function of the file: what it takes and gives, and what its lines set, one after the other; first the defaults."""
+
+    takes: list[str]
+    gives: str
+    lines: list[tuple[str, Term]]
+
+
 @dataclass(slots=True)
 class FlatModel:
     """A model as it was read, and what of it is refused so far. `equations`, `initial`: as the grammar has them; `experiment`: `StopTime`, …"""
@@ -47,6 +56,7 @@ class FlatModel:
     equations: list[Term] = field(default_factory=list)
     initial: list[Term] = field(default_factory=list)
     experiment: dict[str, float] = field(default_factory=dict)
+    functions: dict[str, OwnFunction] = field(default_factory=dict)
     problems: list[Diagnostic] = field(default_factory=list)
 
     def refuse(self, place: Term | tuple[int, int], what: str, hint: str = FLATTEN) -> None:
@@ -160,6 +170,25 @@ class _ModelReader:
             elif item.kind != "annotation":
                 self._read([item], frozenset())
 
+    def _is_function(self, item: Term) -> bool:
+        """Read a function with one result whose lines set names; return False for another class."""
+        parts = [p for part in item.parts[1:-1] for p in (part.parts if part.kind in ("protected", "public") else (part,))]  # fmt: skip
+        declared = [(p.word, c) for p in parts if p.kind == "declared" for c in p.parts[1:]]
+        lines = [(c.parts[0], c.of("value")) for _, c in declared]
+        rows = [(name, value.parts[0]) for name, value in lines if value]
+        statements = [s for p in parts if p.kind == "algorithm" for s in p.parts if s.kind != "annotation"]
+        takes, gives = (
+            [c.parts[0].word for word, c in declared if kind in word.split()] for kind in ("input", "output")
+        )
+        kinds = {p.kind for p in parts} | {s.kind for s in statements}
+        if "function" not in item.word.split() or len(gives) != 1 or kinds - {"declared", "description", "annotation", "algorithm", "equal"}:  # fmt: skip
+            return False
+        rows += [(s.parts[0], s.parts[1]) for s in statements]
+        if all(n.kind == "name" for n, _ in rows) and not any(s.parts[0].word in takes for s in statements):
+            self.model.functions[item.parts[0].word] = OwnFunction(takes, gives[0], [(n.word, t) for n, t in rows])
+            return True
+        return False
+
     def _read(self, items: Iterable[Term], prefixes: frozenset[str]) -> None:
         model = self.model
         for item in items:
@@ -183,7 +212,7 @@ class _ModelReader:
                         model.experiment[name] = number_of(facts[name])
                     except ERRORS:
                         model.refuse(facts[name], f"`{name}` is not a number here", "Write its value.")
-            else:
+            elif item.kind != "class" or not self._is_function(item):
                 what = (
                     f"the {item.word} `{printable(item.parts[0].word)}`" if item.kind == "class" else f"`{item.kind}`"
                 )
