@@ -573,3 +573,16 @@ def test_a_window_at_the_beginning_of_a_step_is_searched(width: float, sign: int
         assert around == [0] and not clear
         around, _ = begun(sign * (SHARES * (SHARES + width) + start), said)  # what an event has left goes its way
         assert around == []
+
+
+@pytest.mark.parametrize(
+    ("condition", "duration"),
+    [
+        ("1/x > 3", 6*math.asin(1/3)), ("y/x > 1", 1.5*math.pi), ("1/(x*x - 1/4) < 0", 6*math.pi/3 + 20 - 19*math.pi/3),
+        ("atan(1/x) > 0.3", 20 - 3*math.pi), ("x^(-3) > 8", 6*math.pi/6 + 20 - 19*math.pi/3),
+    ],
+)  # fmt: skip
+def test_a_condition_passes_through_a_pole(condition: str, duration: float) -> None:
+    """Rounding of a root is larger at its pole than any root is beside it: what was rounding there is none a little later."""
+    text = f"plain model M {{\n  signal x = integral(y, 1), y = integral(-x, 0)\n  output o = integral(1 if {condition} else 0, 0)\n}}\n"
+    assert bondgraph.load(text).simulate(to=20, solver="explicit")["o"][-1] == pytest.approx(duration, abs=1e-5)

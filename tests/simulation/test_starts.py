@@ -295,3 +295,48 @@ def test_a_start_that_holds_but_for_rounding_has_no_size(volt: float, total: flo
     found = bondgraph.load(text).simulate(settings={"v": volt, "sum": total}, to=1e-9, points=2, target="numpy")
     assert found["u1"][0] == pytest.approx((total + 0.1 - volt) / 2, rel=1e-8)
     assert found["u2"][0] == pytest.approx((total - 0.1 + volt) / 2, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("condition", "end"),
+    [(c, math.exp(-1)) for c in ("c.q > level", "level < c.q", "not c.q <= level")]
+    + [(c, 5 - 4 * math.exp(-2)) for c in ("c.q >= level", "not c.q < level")],
+)
+def test_a_junction_on_its_threshold_begins_as_it_is_written(condition: str, end: float) -> None:
+    """Off, the charge falls; on, it rises: either goes on as it begins, so the letter of the condition decides."""
+    text = f"""plain model Tie {{
+  parameter level = 0.3
+  C c : e = q {{ start q = 0.3 }}
+  R leak : e = f
+  R feed : e = f
+  Se supply : e = 3
+  1 w {{ active = {condition} }}
+  supply -> w -> feed
+  0 node
+  w -> node -> c, leak
+  output q = c.q/0.3
+}}
+"""
+    found = bondgraph.load(text).simulate(to=1, points=2, rtol=1e-9)
+    assert found["q"][-1] == pytest.approx(end, rel=1e-7)
+
+
+@pytest.mark.parametrize(("operator", "end"), [(">", math.exp(-0.5)), (">=", 5 - 4 * math.exp(-1))])
+@pytest.mark.parametrize("start", [0.5, 1.5])
+def test_a_junction_that_an_event_sets_onto_its_threshold(operator: str, end: float, start: float) -> None:
+    """What rounding hides is for the program of the junctions that the letter of the condition calls for, not for that before."""
+    text = f"""plain model Tie {{
+  C c : e = q {{ start q = {start} }}
+  R leak : e = f
+  R feed : e = f
+  Se supply : e = 10
+  1 w {{ active = c.q {operator} 1 }}
+  supply -> w -> feed
+  0 node
+  w -> node -> c, leak
+  every 1 offset 0.5 {{ c.q = 1 }}
+  output q = c.q
+}}
+"""
+    found = bondgraph.load(text).simulate(to=1, points=2, solver="explicit", rtol=1e-9)
+    assert found["q"][-1] == pytest.approx(end, rel=1e-7)

@@ -66,6 +66,11 @@ def with_mode(space: CompiledScene, constraints: Constraints, state: Array, firs
     indicators = EventIndicators(constraints, np.abs(state), horizon)
     indicators.record.put({"until": first.stop})
     mode = indicators.guess(HybridState(first.start, state, first.mode))
+    if (
+        indicators.hybrid.junctions
+        and indicators.actives(HybridState(first.start, state, mode)) != space.compilation.off
+    ):
+        return replace(first, mode=mode)  # its laws are those of another program, which decides what rounding hides
     seen = set()
     for _ in range(MOST_MODES):
         first = replace(first, mode=mode)

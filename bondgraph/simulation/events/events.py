@@ -13,6 +13,7 @@ import numpy as np
 from compiler.api import Array, BoolArray, IntArray
 
 from ...errors import RateNotFinite, RunFailed
+from ..integrators.acceptance.event_indicators import REACHES
 from ..integrators.acceptance.event_passing import MOST_ROUNDS, OFTEN, SHORT
 from ..segments.sampling import due_at, sampling_of
 from .bounds import bounds_of
@@ -27,6 +28,7 @@ LEFT = OFTEN  # times in a row that an event makes its condition false before it
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
 BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
 ALIKE = 4  # largest quotient of the factors by which the intervals between accumulating events shrink
+POLE = 1e3  # ratio of the rounding of a root to that a little later: it is at a pole
 
 
 @dataclass(slots=True)
@@ -118,7 +120,7 @@ class Events(EventIndicators):
             before = now
             now = reset(self, now, [i for i in rising if i not in self.at_once])
             now = reset(self, now, [i for i in rising if i in self.at_once])
-            now = settled(self, reread(self, before, now))
+            now = self._settled_again(reread(self, before, now), self.actives(before))
         else:
             names = listed_events([self.hybrid.events[i] for i in acted[-4:]])
             raise RunFailed(
@@ -129,6 +131,7 @@ class Events(EventIndicators):
         if not acted and len(changed):
             places = self.places[changed]
             self._contradict(now, changed[now.mode[places] == at.mode[places]], floor)
+        self._leave_poles(now)
         self._record(EventInstant(at.time, tuple(map(int, changed)), tuple(acted)))
         self._check_left(at.time, acted)
         self.check_values(now)
@@ -177,6 +180,29 @@ class Events(EventIndicators):
             least = np.minimum(floor, most) if again else np.zeros(len(most))
             least[conditions] = most[conditions]
             self.floor = np.maximum(self.floor, least)
+
+    def _settled_again(self, at: HybridState, off: Sequence[str]) -> HybridState:
+        """Return the settled state after events. Where they call for other junctions than `off`, what rounding hides is for the program of these to decide."""
+        after = settled(self, at)
+        if self.hybrid.junctions and tuple(off) == self.actives(after) != self.actives(at):
+            roots, noise, _ = self.evaluated(at)
+            hidden = self.places[np.abs(roots) <= noise]
+            after = replace(after, mode=after.mode.copy())
+            after.mode[hidden] = at.mode[hidden]
+        return after
+
+    def _leave_poles(self, at: HybridState) -> None:
+        """Lower the rounding levels that roots do not reach a little later either: at a pole, as of `1/x > 3`, rounding is larger than any root beside it."""
+        flow = self.flow(at) if self.floor.any() else None
+        if flow is None:
+            return
+        state = np.array(at.state)
+        state[: self.count] += REACHES[-1] * flow[1] * flow[0]
+        beside = HybridState(at.time, state, at.mode)
+        if not (self.floor > np.abs(self.roots(at.time, state, at.mode))).any():
+            return
+        here, there = self.noise(at), self.noise(self.solved(beside))
+        self.floor = np.where(here > POLE * there, np.fmin(self.floor, there), self.floor)
 
     def tell_valves(self, mode: Array) -> None:
         """Add to the first record the events of the valves whose state differs from the written start."""

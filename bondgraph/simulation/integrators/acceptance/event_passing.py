@@ -315,7 +315,7 @@ def acting(e: EventWorkspace) -> int:
             return LEFT
         evaluate(k)
         reread(k)
-        if settling(e) == LEFT:
+        if switches(e) or settling(e) == LEFT:
             return LEFT
     return LEFT
 
