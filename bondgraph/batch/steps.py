@@ -69,7 +69,14 @@ class BatchIntegrator:
         evaluations = dict(zip(EVALUATIONS, self.evaluations.T, strict=True))
         solvers = [" and ".join(f"{METHODS[m].name}, native" for m in methods) for methods in self.methods]
         return BatchTrajectories(
-            self.states, self.sound, self.steps, evaluations, solvers, self.choice, self.tolerances.absolute
+            self.states,
+            self.sound,
+            self.steps,
+            evaluations,
+            solvers,
+            self.choice,
+            self.tolerances.absolute,
+            self.tolerances.held,
         )
 
     def _at(self, stretch: Segment, x: Array) -> tuple[Any, ...]:

@@ -22,6 +22,7 @@ from ..results.later import later
 from ..results.records import LimitLeft
 from ..results.result import Result
 from ..simulation.integrators.exponential import RunsPart, intervals, linear_form, march
+from ..simulation.magnitudes.pilot_run import smallest_angles
 from ..simulation.phases.cancellation import (
     EXACT,
     Places,
@@ -113,7 +114,9 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
         at = None if places is None else (places[0], places[1][row], places[2])
         ended = runs.parameters[row], stored[row], trajectories.choice.peak[row], sizes[row]
         both = (
-            partial(_warnings, scene, runs.constants[row], at, values[row], trajectories.absolute[row]),
+            partial(
+                _warnings, scene, runs.constants[row], at, values[row], trajectories.absolute[row], trajectories.held
+            ),
             partial(_checkpoint, scene, *ended),
         )
         yield int(runs.numbers[row]), _result(scene, course, trajectories, row, values[row], both, time)
@@ -141,7 +144,7 @@ def _outputs_of(scene: BatchScene, runs: Runs, times: Array, states: Array, mode
 
 
 def _warnings(
-    scene: BatchScene, constants: Array, places: Places | None, values: Array, absolute: Array
+    scene: BatchScene, constants: Array, places: Places | None, values: Array, absolute: Array, held: Array
 ) -> tuple[LimitLeft, ...]:
     """Return the warnings of a run on outputs whose terms cancel."""
 
@@ -150,7 +153,8 @@ def _warnings(
 
     accuracy, begin = EXACT if scene.linear else max(scene.options.rtol, EXACT), scene.options.plan.start
     largest = largest_outputs(values)
-    terms = terms_of_outputs(scene.program, output, places, absolute, scene.options.rtol)
+    held = held | (smallest_angles(scene.program, scene.compiled_scene.facts.mechanisms, ("1", "1/s", "m", "m/s")) > 0)
+    terms = terms_of_outputs(scene.program, output, places, absolute, scene.options.rtol, held)
     return doubts_on_outputs(scene.program.outputs.names, largest, [terms], accuracy, begin)
 
 
@@ -215,4 +219,5 @@ def exact_trajectories(scene: BatchScene, runs: Runs, course: BatchCourse) -> Ba
         solvers,
         scene.state_selection(runs.constants),
         np.zeros(x.shape),
+        np.zeros(x.shape[1], dtype=bool),
     )

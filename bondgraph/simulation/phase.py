@@ -298,18 +298,23 @@ class Phase:
         places = places_of_terms(self.instants, trajectory.states, rows)
         rtol, mechanisms = self.options.rtol, self.compilation.facts.mechanisms
         tolerances = None if trajectory.exact else self.shared.tolerances
-        of_steps = None if tolerances is None else (tolerances.absolute, tolerances.guessed)
+        of_steps = None if tolerances is None else (tolerances.absolute, tolerances.guessed, tolerances.held)
 
         def output(times: Array, states: Array, mode: Array) -> Any:
             return program.output(times, states, inputs, constants, mode)
 
         def terms() -> OutputTerms:
             least = np.zeros(len(program.states.names))
+            held = least > 0
             if of_steps is not None:
-                (absolute, rests), levels = of_steps, smallest_angles(program, mechanisms, ("1", "1/s", "m", "m/s"))
+                (absolute, rests, held), levels = (
+                    of_steps,
+                    smallest_angles(program, mechanisms, ("1", "1/s", "m", "m/s")),
+                )
                 rests = rests if places is None else rests | (np.abs(places[1]).max(axis=0) <= levels)
                 least = np.where(rests, 0.0, absolute)[: len(least)]
-            return terms_of_outputs(program, output, places, least, rtol)
+                held = (held | (levels > 0))[: len(least)]
+            return terms_of_outputs(program, output, places, least, rtol, held)
 
         return terms
 

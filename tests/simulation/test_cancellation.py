@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import re
 from typing import Any
@@ -213,3 +214,19 @@ def test_what_stays_below_its_tolerance_is_told_with_one_that_is_enough() -> Non
     assert advice is not None
     helped = bondgraph.load(SMALL.replace("solver", f"{advice[1]}, solver")).simulate(settings={"share": 1e-11})
     assert not helped.warnings and abs(helped.final("part") / (1e-11 * np.exp(-2)) - 1) < 1e-2
+
+
+def test_what_has_lost_digits_to_a_large_state_of_its_unit_is_told() -> None:
+    """An integral over a long time gave the angle beside it, of the same unit, an absolute tolerance of 0.08: x was wrong by 0.01, without a word."""
+    text = """plain model Long {
+  signal x = integral(y/1e8, 1), y = integral(-x/1e8, 0)
+  output out = x, on = integral(1 if x*y > 0.1 else 0, 0)
+  experiment go { simulate 0 .. 20e8 { solver = explicit} }
+}"""
+    result = bondgraph.load(text).simulate()
+    (told,) = (str(w) for w in result.warnings)
+    advice = re.search(r"set `(tolerance x = [^`]*)` in `simulate`", told)
+    assert advice is not None and told.startswith("`out` is 1 at most")
+    fixed = text.replace("solver", f"{advice[1]}, {advice[1].replace('x', 'y')}, solver")
+    helped = bondgraph.load(fixed).simulate()
+    assert not helped.warnings and helped.final("out") == pytest.approx(math.cos(20), abs=1e-5)

@@ -23,6 +23,7 @@ RISEN = (PLACES[0] / PLACES[1]) ** 2, (PLACES[1] / PLACES[2]) ** 2
 ROUNDED = 2e-12  # relative to its magnitude: a state is rounding, as that is a ten-thousandth of the largest with its unit at least
 EXACT = 1e-12  # relative to the states: accuracy of the matrix exponential
 DOUBTED = 10.0  # in units of the accuracy
+FAR = 300.0  # in units of the accuracy: an output is told that a tolerance moves by more which is so large beside its state, and nobody gave it
 ZERO = 1e-13  # relative to the terms: smaller outputs are zero to rounding, as by a symmetry
 
 
@@ -33,12 +34,13 @@ RowsOfTerms = tuple[list[int], Any]
 @dataclass(frozen=True, slots=True)
 class OutputTerms:
     """Terms of outputs in a phase. `largest`: the largest term of a state or unknown in each output, its slope times its value, (..., outputs); `moved`:
-    what the `absolute` tolerance (n,) of each state moves an output by, (n, outputs)."""
+    what the `absolute` tolerance (n,) of each state moves an output by, (n, outputs); `least`: how often that has to fit into an output (n,)."""
 
     largest: Any
     moved: Any
     absolute: Any
     program: Program
+    least: Any
 
 
 def places_of_terms(instants: Array, states: Array, rows: RowsOfTerms | None) -> Places | None:
@@ -58,17 +60,23 @@ def rows_of_terms(instants: Array, states: Array, segments: Sequence[Segment]) -
 
 
 def terms_of_outputs(
-    program: Program, output: Callable[[Array, Array, Array], Any], places: Places | None, absolute: Array, rtol: float
+    program: Program,
+    output: Callable[[Array, Array, Array], Any],
+    places: Places | None,
+    absolute: Array,
+    rtol: float,
+    held: Array,
 ) -> OutputTerms:
     """Return the terms of outputs; 0 without places. `output`: of `Places`; `absolute`: tolerances (n,) of the states, 0 where they do not count."""
     if places is None:
         count = len(program.outputs.names)
-        return OutputTerms(np.zeros(count), np.zeros((len(absolute), count)), absolute, program)
+        return OutputTerms(np.zeros(count), np.zeros((len(absolute), count)), absolute, program, 0 * absolute)
     times, values, mode = places
     size = values.shape[-1]
     first, middle, last = np.moveaxis(np.abs(values[..., : len(absolute)]), -2, 0)
     rising = (first <= RISEN[0] * middle) & (middle <= RISEN[1] * last)
-    quiet = rising | (np.maximum(np.maximum(first, middle), last) <= ROUNDED / rtol * absolute)
+    largest = np.maximum(np.maximum(first, middle), last)
+    quiet = rising | (largest <= ROUNDED / rtol * absolute)
     floor = np.pad(STEP / rtol * absolute, (0, size - len(absolute)))
     steps = np.maximum(STEP * np.abs(values), floor)  # of a state far below its magnitude the slope would be rounding
     moved = values[..., None, :] + np.copysign(steps, values)[..., None, :] * _moves(size)
@@ -82,6 +90,7 @@ def terms_of_outputs(
         slopes[..., : len(absolute), :].max(axis=-3) * np.where(quiet, 0.0, absolute)[:, None],
         absolute,
         program,
+        np.where(held | (absolute <= FAR * rtol * largest), DOUBTED, max(DOUBTED, 1 / (FAR * rtol))),
     )
 
 
@@ -99,26 +108,29 @@ def largest_outputs(values: Array) -> Any:
 def doubts_on_outputs(
     names: Sequence[str], largest: Array, phases: Sequence[OutputTerms], accuracy: float, begin: float
 ) -> tuple[ToleranceDoubt, ...]:
-    """Return a warning on each output of whose size (outputs,) the `accuracy` of the terms, or an absolute tolerance, leaves a tenth or more in doubt."""
+    """Return a warning on each output of whose size (outputs,) the `accuracy` of the terms leaves a tenth or more in doubt, or an absolute tolerance
+    much more than the accuracy."""
     terms = np.max([phase.largest for phase in phases], axis=0)
-    moved = np.max([phase.moved.max(axis=0, initial=0.0) for phase in phases], axis=0)
+    excesses = [phase.moved * phase.least[:, None] for phase in phases]
+    excess = np.max([of_phase.max(axis=0, initial=0.0) for of_phase in excesses], axis=0)
     doubtful = largest < DOUBTED * accuracy * terms
     advice = "compute it from other quantities" if accuracy <= EXACT else "set a smaller `rtol`"
     doubts = []
-    for k in ((doubtful | (largest < DOUBTED * moved)) & (largest > ZERO * terms)).nonzero()[0].tolist():
+    for k in ((doubtful | (largest < excess)) & (largest > ZERO * terms)).nonzero()[0].tolist():
         if doubtful[k]:
             condition, text = "terms that cancel", (
                 f"`{names[k]}` is a difference of numbers {terms[k] / largest[k]:.1g} times as large, which are computed to {accuracy:.1g} of their size: "
                 f"a tenth of it or more may be wrong; {advice}"
             )  # fmt: skip
         else:
-            phase = max(phases, key=lambda p: float(p.moved[:, k].max(initial=0.0)))
-            state = int(phase.moved[:, k].argmax())
+            number = int(np.argmax([of_phase[:, k].max(initial=0.0) for of_phase in excesses]))
+            phase, state = phases[number], int(excesses[number][:, k].argmax())
             name, unit = phase.program.states.names[state], behind(phase.program.states.units[state])
-            enough = f"{accuracy * phase.absolute[state] * largest[k] / moved[k]:.1g}{unit}"
+            moved = phase.moved[state, k]
+            enough = f"{accuracy * phase.absolute[state] * largest[k] / moved:.1g}{unit}"
             condition, text = "below its tolerance", (
-                f"`{names[k]}` is {largest[k]:.1g} at most, and the absolute tolerance of `{name}` may move it by {moved[k]:.1g}: a tenth of it "
-                f"or more may be wrong; set `tolerance {name} = {enough}` in `simulate`"
+                f"`{names[k]}` is {largest[k]:.1g} at most, and the absolute tolerance of `{name}` may move it by {moved:.1g}: "
+                f"{min(moved / largest[k], 1):.1g} of it or more may be wrong; set `tolerance {name} = {enough}` in `simulate`"
             )  # fmt: skip
         doubts.append(ToleranceDoubt(begin, names[k], condition, text, (), ""))
     return tuple(doubts)
