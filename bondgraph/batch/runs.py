@@ -109,7 +109,7 @@ class BatchTrajectories:
     solvers: Sequence[str]
     choice: Choice  # with the largest values that storages have had
     absolute: Any  # tolerances of the states (runs, n); 0 where they are exact
-    held: Any  # those that the author gave (n,)
+    fixed: Any  # 1 for those that the author gave (n,)
 
 
 def goes_on(scene: BatchScene, runs: Runs, x: Array, before: Segment, stretch: Segment) -> Any:

@@ -115,7 +115,7 @@ def _results(scene: BatchScene, runs: Runs, course: BatchCourse) -> Iterator[tup
         ended = runs.parameters[row], stored[row], trajectories.choice.peak[row], sizes[row]
         both = (
             partial(
-                _warnings, scene, runs.constants[row], at, values[row], trajectories.absolute[row], trajectories.held
+                _warnings, scene, runs.constants[row], at, values[row], trajectories.absolute[row], trajectories.fixed
             ),
             partial(_checkpoint, scene, *ended),
         )
@@ -144,7 +144,7 @@ def _outputs_of(scene: BatchScene, runs: Runs, times: Array, states: Array, mode
 
 
 def _warnings(
-    scene: BatchScene, constants: Array, places: Places | None, values: Array, absolute: Array, held: Array
+    scene: BatchScene, constants: Array, places: Places | None, values: Array, absolute: Array, fixed: Any
 ) -> tuple[LimitLeft, ...]:
     """Return the warnings of a run on outputs whose terms cancel."""
 
@@ -153,8 +153,10 @@ def _warnings(
 
     accuracy, begin = EXACT if scene.linear else max(scene.options.rtol, EXACT), scene.options.plan.start
     largest = largest_outputs(values)
-    held = held | (smallest_angles(scene.program, scene.compiled_scene.facts.mechanisms, ("1", "1/s", "m", "m/s")) > 0)
-    terms = terms_of_outputs(scene.program, output, places, absolute, scene.options.rtol, held)
+    fixed = fixed | (
+        smallest_angles(scene.program, scene.compiled_scene.facts.mechanisms, ("1", "1/s", "m", "m/s")) > 0
+    )
+    terms = terms_of_outputs(scene.program, output, places, absolute, scene.options.rtol, fixed)
     return doubts_on_outputs(scene.program.outputs.names, largest, [terms], accuracy, begin)
 
 

@@ -305,16 +305,14 @@ class Phase:
 
         def terms() -> OutputTerms:
             least = np.zeros(len(program.states.names))
-            held = least > 0
+            fixed = least > 0
             if of_steps is not None:
-                (absolute, rests, held), levels = (
-                    of_steps,
-                    smallest_angles(program, mechanisms, ("1", "1/s", "m", "m/s")),
-                )
+                absolute, rests, fixed = of_steps
+                levels = smallest_angles(program, mechanisms, ("1", "1/s", "m", "m/s"))
                 rests = rests if places is None else rests | (np.abs(places[1]).max(axis=0) <= levels)
                 least = np.where(rests, 0.0, absolute)[: len(least)]
-                held = (held | (levels > 0))[: len(least)]
-            return terms_of_outputs(program, output, places, least, rtol, held)
+                fixed = (fixed | (levels > 0))[: len(least)]
+            return terms_of_outputs(program, output, places, least, rtol, fixed)
 
         return terms
 

@@ -65,9 +65,10 @@ def terms_of_outputs(
     places: Places | None,
     absolute: Array,
     rtol: float,
-    held: Array,
+    fixed: Any,
 ) -> OutputTerms:
-    """Return the terms of outputs; 0 without places. `output`: of `Places`; `absolute`: tolerances (n,) of the states, 0 where they do not count."""
+    """Return the terms of outputs; 0 without places. `output`: of `Places`; `absolute`: tolerances (n,) of the states, 0 where they do not count; `fixed`
+    marks those that the author gave, and those of poses."""
     if places is None:
         count = len(program.outputs.names)
         return OutputTerms(np.zeros(count), np.zeros((len(absolute), count)), absolute, program, 0 * absolute)
@@ -90,7 +91,7 @@ def terms_of_outputs(
         slopes[..., : len(absolute), :].max(axis=-3) * np.where(quiet, 0.0, absolute)[:, None],
         absolute,
         program,
-        np.where(held | (absolute <= FAR * rtol * largest), DOUBTED, max(DOUBTED, 1 / (FAR * rtol))),
+        np.where(fixed | (absolute <= FAR * rtol * largest), DOUBTED, max(DOUBTED, 1 / (FAR * rtol))),
     )
 
 
