@@ -183,7 +183,8 @@ class CompiledModel:
             compilation = self.compilation(scene, everything)
             quantities = compilation.whole_graph.quantities
             zeros = frozenset(n for n, q in quantities.items() if q.role == "parameter" and q.value == 0.0)
-            divisors = frozenset[str]().union(*api.zero_divisors(compilation.whole_space, zeros))
+            space = compilation.state_space if scene.joined else compilation.whole_space
+            divisors = frozenset[str]().union(*api.zero_divisors(space, zeros))
             if not divisors:
                 return scene
             scene = replace(scene, fixed=scene.fixed | divisors)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -33,7 +33,6 @@ from .pipeline import Request, derive, equations_of, is_steep
 from .reduction import (
     Certificate,
     LinearLoops,
-    NotJoined,
     StateSpace,
     behind_loops,
     certify,
@@ -256,7 +255,7 @@ class Compilation:
     def _computed(self) -> tuple[StateSpace, tuple[str, ...]]:
         whole, system, left = self.whole_space, self.equations, self._at_rest
         if self.scene.joined and whole.switches:
-            return joined(whole, [v.junction for v in self.valves], lambda off: self._switched_to(False, off)), ()
+            return joined(whole, [v.junction for v in self.valves], self._space_switched), ()
         if left:
             system = without(system, left)
         elif self.scene.upstream and self.scene.outputs is not None and not self.cancels:
@@ -271,9 +270,9 @@ class Compilation:
         variables = self.equations.variables
         return space, tuple(variables[s.variable].name for s in self.equations.states if s.variable in left)
 
-    def _switched_to(self, joined: bool, off: tuple[str, ...]) -> StateSpace:
-        """The equations with these junctions off, or of all sets of them."""
-        other = replace(self, scene=replace(self.scene, joined=joined, off=off))
+    def _space_switched(self, off: tuple[str, ...]) -> StateSpace:
+        """The equations with these junctions off."""
+        other = replace(self, scene=replace(self.scene, joined=False, off=off))
         other.__dict__.update(tree=self.tree, _built=self._built)
         return other.state_space
 
@@ -442,11 +441,8 @@ class Compilation:
 
         self.look_at_laws()
         descriptions = {name: quantity.description for name, quantity in self.whole_graph.quantities.items()}
-        space = self.state_space
-        with suppress(NotJoined):
-            space = self._switched_to(True, ()) if space.switches and target in ("c", "modelica") else space
         with self._instances(), self._bounded():
-            return target_text(target, space, descriptions)
+            return target_text(target, self.state_space, descriptions)
 
     def part_text(self, name: str, target: str) -> str:
         """One instance of the model alone, a controller, as a text for others."""

@@ -203,10 +203,10 @@ def _terminals(terminals: Sequence[UnitTerminal], version: FmiVersion, icon: Uni
 
 def _compilation(model: CompiledModel, scene: Scene) -> Compilation:
     """Return the stages of a scene in which all is free, differentiated by the inputs that no experiment sets."""
-    scene = model.without_zero_divisors(scene, everything=True)
     if model.compilation(scene, everything=True).whole_graph.switches:
         scene = replace(scene, joined=True, off=())
     try:
+        scene = model.without_zero_divisors(scene, everything=True)
         variables = model.compilation(scene, everything=True).state_space.variables
     except api.NotJoined as reason:
         refuse_junctions(reason)

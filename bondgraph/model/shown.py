@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -152,7 +154,11 @@ class Shown(AnalysedModel):
             return c_with_own_steps(self, experiment)
         if experiment is not None:
             raise UsageError("BR626", "an experiment is part of C with steps of variable size alone")
-        compilation = self.compilation(self.without_zero_divisors(api.Scene(self.model, None, free=frozenset({"*"}))))
+        scene = api.Scene(self.model, None, free=frozenset({"*"}))
+        compilation = self.compilation(self.without_zero_divisors(scene))
+        if target in ("c", "modelica") and part is None and compilation.whole_graph.switches:
+            with suppress(api.NotJoined):
+                compilation = self.compilation(self.without_zero_divisors(replace(scene, joined=True, off=())))
         text = compilation.text(target) if part is None else compilation.part_text(part, target)
         return api.in_single_precision(text) if single else text
 

@@ -258,6 +258,8 @@ def test_static_analysis_finds_nothing(tmp_path: Path) -> None:
 
 
 TIED = SWITCHED.replace("-> c, r", "-> c, r, l\n I l : lambda = 1 H*i")  # a coil that is held still
+# off, the junction shorts the capacitor by what the resistor has: nothing
+SHORTED = "model A { parameter r = 0\n mode on = true\n Sf s : i = 1 A\n 0 z : electric { active = on }\n 1 x\n C c : u = q/(1 F)\n R f : u = r*i*(1 ohm)\n s -> z -> x -> c, f\n when time > 1 s { on = false }\n output u = c.u }"
 DELAYED = "model A { mode a = 0\n signal x = integral(-delay(x, 1 s)/1 s, 1)\n every 1 s { a = x }\n output y = a + x }"
 LOOP = "model A { mode a = 0\n signal z = exp(-z - a)\n every 1 s { a = z }\n output y = z }"
 
@@ -265,7 +267,7 @@ LOOP = "model A { mode a = 0\n signal z = exp(-z - a)\n every 1 s { a = z }\n ou
 @pytest.mark.parametrize(
     ("text", "part", "code", "words"),
     [
-        (TIED, None, "BG620", "the junction `a`, which goes on and off"), (DELAYED, None, "BG620", "the delayed signal"),
+        (TIED, None, "BG620", "the junction `a`, which goes on and off"), (SHORTED, None, "BG620", "the junction `z`"), (DELAYED, None, "BG620", "the delayed signal"),
         (CONTROLLED.replace("LATE", "0 s"), "pdi", "BG621", "no instance `pdi`"), (BALL, "pid", "BG621", "no instance `pid`"),
         ("import Resistor from electric\nmodel A { Resistor r\n Se s : u = 1 V\n 1 a\n s -> a -> r.pins\n output y = s.i }", "r", "BG622", "`r` is no controller"),
         ("model A { B part\n output y = part.x }\nmodel B { signal x = integral(1, 0 s) }", "part", "BG623", "`part` has no outputs"),

@@ -420,12 +420,29 @@ def test_reference_units_behave_as_documented(tmp_path: Path) -> None:
         assert unit.getReal([place["continuous_out"]]) == [-2.0]
 
 
+# Off, the junction shorts the capacitor by what the resistor has: nothing. On, no equation divides by that.
+SHORTED = """model Shorted {
+  parameter r = 0 ohm
+  mode on = true
+  Sf s : i = 1 A
+  0 z : electric { active = on }
+  1 x
+  C c : u = q/(1 F)
+  R short : u = r*i
+  s -> z -> x -> c, short
+  when time > 1 s { on = false }
+  output u = c.u
+}
+"""
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         (BALL.replace("1 body : translation", "1 body : translation { active = falls > 0.5 }"), "`mass.p`, which may jump"),
         (TANKS.replace("active = fills > 0.5", "active = two.f > 0.1"), "`inlet`, whose condition reads what"),
         (TANKS.replace("e = r*f", "e = r*f + f^3"), "switched junctions beside"),
+        (SHORTED, "`c.q`, which may jump where `z` is switched off"),
         (VALVE, "ideal valves"),
         (CHAIN.replace("when u > 1", "when u > exp(x)*x^7"), "less than a step"),
         (CHAIN.replace("when u > 1", "when u > 1 and delay(x, 1) > 3"), "delayed signals"),
