@@ -385,6 +385,19 @@ def test_rates_that_steps_miss_are_told(solver: str, target: str | None) -> None
     assert isinstance(warning, ToleranceDoubt) and "missed rates that would move `t.q`" in str(warning)
 
 
+@pytest.mark.parametrize(
+    ("stiffness", "share", "target"),
+    [("1", "0.02", None), ("0.1", "0.02", None), ("1", "0.03", None), ("2", "0.02", None), ("1", "0.02", "numpy")],
+)
+def test_rates_that_steps_miss_beside_a_law_without_a_value_are_told(
+    stiffness: str, share: str, target: str | None
+) -> None:
+    """A tolerance further the logarithm had no value, which was taken for rounding: the effort stayed at 1e-12 where it falls to -0.7."""
+    valve = volume(stiffness, f"f = {share}*log(1 + e/1e-30) if e > 0 else 0", "sin(3*time)")
+    found = valve.simulate(to=3, points=4, rtol=1e-3, target=target)
+    assert found["e"].min() < -0.2 or any("missed rates that would move `t.q`" in str(w) for w in found.warnings)
+
+
 @pytest.mark.parametrize("rate", [1.0, 1e-2, 1e-4, 1e-6, 1e-9, 1e-13])
 def test_what_only_rounding_restores_goes_no_farther_than_a_run_lets_it(rate: float) -> None:
     """The angle of a wheel had a magnitude of 1e15 rad, and all angles beside it tolerances of 1e5 rad, by an eigenvalue that was rounding."""

@@ -54,7 +54,8 @@ def keep_parts(s: IntegratorWorkspace, end: float, size: float, slope: Floats) -
     for i in range(s.differential):
         off = s.rate[i] - slope[i]
         left = (s.change[i] - slope[i]) * off
-        if parts[i] > NEARLY and left > UNSOLVED * off * off and left < GROWN * off * off:
+        turns = left <= UNSOLVED * off * off or left >= GROWN * off * off  # no value there tells nothing
+        if parts[i] > NEARLY and not turns:
             s.missed[i] = max(s.missed[i], parts[i])
 
 
