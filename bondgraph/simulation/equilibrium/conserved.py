@@ -19,7 +19,7 @@ from ...numerics.scales import group_numbers, largest_of_group, nonzero
 from ...quantities import listed
 from ..constraints.constraints import Constraints
 from ..segments.timeline import Segment
-from .dense import EquilibriumSearch
+from .dense import CLOSE, EquilibriumSearch
 from .search import KEPT, LARGEST, undetermined
 from .steady import unread_states
 
@@ -78,9 +78,16 @@ def path_notes(sums: Array, constraints: Constraints, start: Array, rest: Array,
     search, rates = EquilibriumSearch(constraints, segment), constraints.program.derivative(segment.start, start, *same)
     moves = np.abs(np.asarray(rates, dtype=float)[:n])
     moves[moves <= KEPT * largest_of_group(moves, search.kind)] = 0.0
-    moves += np.abs(rest - start)[:n] > KEPT * np.abs(rest)[:n]
-    loose = undetermined(search, np.array(rest), sums)
-    names = [constraints.program.states.names[i] for i in np.flatnonzero(loose & (moves > 0))]
+    moving = (moves > 0) | (np.abs(rest - start)[:n] > KEPT * np.abs(rest)[:n])
+    rows, columns = (np.asarray(part, dtype=int) for part in constraints.program.pattern)
+    unread = unread_states(constraints, segment.start, rest, segment.mode)
+    moving[[i for i in np.flatnonzero(unread) if moving[columns[(rows == i) & (columns < n)]].any()]] = True
+    size = CLOSE * largest_of_group(np.maximum(np.abs(start), np.abs(rest))[:n], search.kind)
+    vanished = np.concatenate(
+        [np.where(np.abs(rest[:n]) < size, 0.0, rest[:n]), rest[n:]]
+    )  # what is left of an amount ties no other
+    loose = undetermined(search, vanished, sums)
+    names = [constraints.program.states.names[i] for i in np.flatnonzero(loose & moving)]
     if not names:
         return ()
     return (
