@@ -406,3 +406,22 @@ def test_what_only_rounding_restores_goes_no_farther_than_a_run_lets_it(rate: fl
         assert moving(np.array([0.0, 1.0]))[0] <= 10 * 1e2
     away = free_response(np.diag([-rate, -1.0]), False, 10.0).rest(np.ones(2), 10.0)
     assert np.isfinite(away).all() == (rate > 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("law", "share"),
+    [("f = {0}*sign(e)*sqrt(abs(e))", 1 / 5), ("e = {0}^(-2)*f*abs(f)", 1 / 5), ("f = {0}*sign(e)*abs(e)^(1/3)", 1 / 9)],
+)
+def test_two_laws_of_infinite_slope_in_a_row_from_rest(law: str, share: float) -> None:
+    """Where nothing flows Newton's method goes far away: a pilot run that took its first iterate gave the flow a magnitude of 1e18, and the run an effort of 1e22."""
+    text = f"""plain model Row {{
+  signal p = integral(1e5*cos(time), 0)
+  MSe source : e = p
+  R a : {law.format("1e-6")}
+  R b : {law.format("2e-6")}
+  0 node
+  source -> 1(a) -> node -> b
+  output between = b.e
+}}"""
+    result = bondgraph.load(text).simulate(to=10, points=21)
+    assert result["between"] == pytest.approx(1e5 * share * np.sin(result.time), abs=2)

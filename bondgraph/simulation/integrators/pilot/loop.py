@@ -16,7 +16,7 @@ from ..outcomes import CROSSED, REDUNDANT
 from ..projection.projection import ProjectionWorkspace, project, put_multipliers
 from ..selection import StateSelection, is_steep
 from ..workspace import Function
-from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SLIGHT
+from .schedule import AGAIN, CAREFUL, GROWN, NOTES, SAME, SETTLED, SLIGHT
 from .step import Euler, euler
 
 
@@ -89,11 +89,17 @@ def pilot_step(c: PilotWorkspace) -> int:
     if has_crossed(c, c.euler):
         return CROSSED
     for i in range(c.n):
-        c.euler.largest[i] = max(c.euler.largest[i], abs(c.found[i]))
+        if i < c.euler.differential or has_settled(c.euler, i):
+            c.euler.largest[i] = max(c.euler.largest[i], abs(c.found[i]))
     if c.reaching != 0:
         reached(c, c.euler)
     note(c, c.euler)
     return REDUNDANT if c.projecting != 0 and project(c.closed, c.time, c.state) > 0 else FINE
+
+
+def has_settled(e: Euler, i: int) -> bool:
+    """Return True if the last correction of an unknown was a small part of it: Newton's method, which ends by the states, goes far beyond a root of infinite slope."""
+    return abs(e.slope[i]) <= SETTLED * max(e.largest[i], abs(e.x[i]))
 
 
 def go_on(c: PilotWorkspace) -> None:

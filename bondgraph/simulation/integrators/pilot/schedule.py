@@ -14,6 +14,7 @@ GROWN, SAME = 1.5, 1.2  # growth factor in a step, and the one that counts as no
 CAREFUL = 300  # number of steps up to which a step must not overshoot growing states
 AGAIN = 1.25  # ratio of the times at which magnitudes are recorded
 NOTES = 128  # most records; enough from the shortest step on
+SETTLED = 0.1  # largest relative correction of an unknown that counts for its magnitude
 SLIGHT = 1e-4  # relative to the largest state of one unit: growth of smaller states does not matter for the magnitudes
 
 
