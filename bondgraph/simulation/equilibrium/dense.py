@@ -165,8 +165,8 @@ class EquilibriumSearch:
     def euler(self, slope: Array, jacobian: Array, size: float) -> Any:
         """Return the change of the states in one implicit step. Raises LinAlgError."""
         if self.basis is None:
-            found = np.linalg.solve(np.eye(self.count) / size - jacobian, np.column_stack([slope, self.sums.T]))
-            return self.with_sums(found)
+            changes = np.linalg.solve(np.eye(self.count) / size - jacobian, np.column_stack([slope, self.sums.T]))
+            return self.with_sums(changes)
         inner = self.basis.T @ jacobian @ self.basis
         return self.basis @ np.linalg.solve(np.eye(len(inner)) / size - inner, self.basis.T @ slope)
 
