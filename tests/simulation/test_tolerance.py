@@ -410,7 +410,11 @@ def test_what_only_rounding_restores_goes_no_farther_than_a_run_lets_it(rate: fl
 
 @pytest.mark.parametrize(
     ("law", "share"),
-    [("f = {0}*sign(e)*sqrt(abs(e))", 1 / 5), ("e = {0}^(-2)*f*abs(f)", 1 / 5), ("f = {0}*sign(e)*abs(e)^(1/3)", 1 / 9)],
+    [
+        ("f = {0}*sign(e)*sqrt(abs(e))", 1 / 5),
+        ("e = {0}^(-2)*f*abs(f)", 1 / 5),
+        ("f = {0}*sign(e)*abs(e)^(1/3)", 1 / 9),
+    ],
 )
 def test_two_laws_of_infinite_slope_in_a_row_from_rest(law: str, share: float) -> None:
     """Where nothing flows Newton's method goes far away: a pilot run that took its first iterate gave the flow a magnitude of 1e18, and the run an effort of 1e22."""
