@@ -98,7 +98,7 @@ def pilot_step(c: PilotWorkspace) -> int:
 
 
 def has_settled(e: Euler, i: int) -> bool:
-    """Return True if the last correction of an unknown was a small part of it: Newton's method ends by the states, and goes far beyond a root of infinite slope."""
+    """Return True if the last correction of an unknown was a small part of it: Newton's method ends by the states, far beyond a root of infinite slope."""
     return abs(e.slope[i]) <= SETTLED * max(e.largest[i], abs(e.x[i]))
 
 
