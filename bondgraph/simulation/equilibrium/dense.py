@@ -316,9 +316,9 @@ class EquilibriumSearch:
             return full
         self.refuse_spin(full, slope, jacobian)
         self.largest = self.begun[0]  # what a motion has made large hides nothing that drives it
-        own = np.abs(jacobian) @ np.abs(full[: self.count]) + self.loop_terms
-        away = (np.abs(full[: self.count]) > AWAY * self.scale(np.zeros(self.count))).any()
-        if away and (np.abs(slope) > np.maximum(RESTING * own, BALANCED * self.begun[1])).any():
+        here, scale = np.abs(full[: self.count]), self.scale(np.zeros(self.count))
+        own = np.abs(jacobian) @ np.maximum(here, ROUNDING * scale) + self.loop_terms
+        if (here > AWAY * scale).any() and (np.abs(slope) > np.maximum(RESTING * own, BALANCED * self.begun[1])).any():
             raise self.no_rest(slope)
         terms = np.abs(jacobian) @ self.scale(np.zeros(self.count)) + self.begun[2]
         noise = ROUNDING * terms + BALANCED * self.begun[1]
