@@ -29,6 +29,7 @@ from .interface import llvm_data, llvm_interface
 from .interface_c import c_unit
 from .model_description import UnitHead, build_description, model_description, terminals_and_icons
 from .osp import osp_model_description
+from .reference import reference_run
 from .start import StartValues, start_values
 from .variables import FmuVariable, UnitIcon, UnitTerminal, own_names, terminals_of, variables_of
 
@@ -162,6 +163,10 @@ def unit_of(
             parts, word
         )
     files |= _sources(compilation, parts)
+    if first.unit is None:  # a unit of a system has inputs from others
+        written = (v.name for v in variables if v.causality == "output" and not v.is_clock)
+        outputs = dict(zip(compilation.lowered.space.outputs, written, strict=True))
+        files |= reference_run(model, compilation.scene, parts.head, outputs)
     beside = {}
     if terminals and version.number == "2.0":
         beside[f"{parts.head.name}_OspModelDescription.xml"] = osp_model_description(terminals).encode("utf-8")

@@ -9,6 +9,7 @@ import subprocess
 import zipfile
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -106,6 +107,42 @@ def test_a_closed_form_with_a_time_event_that_a_parameter_moves(kind: str, fmi: 
     closed = swing(found["time"], 2.0, 12.5, 5e-3, 0.9, 0.04)
     assert np.abs(found["x"] - closed).max() < (1e-10 if kind == "CoSimulation" else 1e-8)
     assert found["work"] == pytest.approx(0.5 * 12.5 * found["x"] ** 2, rel=1e-12)
+
+
+def reference(path: Path) -> dict[str, str]:
+    """Files of the reference run in a unit, by name."""
+    folder = "extra/org.fmi-standard.fmi-ls-ref/"
+    with zipfile.ZipFile(path / "unit.fmu") as archive:
+        names = [name for name in archive.namelist() if name.startswith(folder)]
+        return {name.removeprefix(folder): archive.read(name).decode() for name in names}
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_reference_run_is_one_of_the_unit_by_itself(fmi: str, tmp_path: Path) -> None:
+    exported(SPRING, tmp_path, fmi=fmi)
+    files = reference(tmp_path)
+    options = dict(line.split(", ") for line in files["Spring_ref.opt"].splitlines())
+    assert options == {"StartTime": "0.0", "StopTime": "3.0", "StepSize": "0.0", "RelTol": "1e-06", "OutputIntervalLength": "0.015"}  # fmt: skip
+    header, *lines = files["Spring_ref.csv"].splitlines()
+    time, x, _ = np.array([line.split(",") for line in lines], float).T
+    assert header == '"time","x","work"' and len(time) == 201
+    assert np.abs(x - swing(time, 2.0, 8.0, 3e-3, 0.5, 0.0)).max() < 3e-9
+    manifest = ElementTree.fromstring(files["fmi-ls-manifest.xml"])
+    related = [(item.get("role"), item.get("source")) for item in manifest.findall("Related")]
+    assert related == [("result", "Spring_ref.csv"), ("experiment/smoke-test", "Spring_ref.opt")]
+    assert manifest.get("{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-name") == "org.fmi-standard.fmi-ls-ref"
+
+
+def test_a_reference_run_is_that_of_an_experiment_that_is_named(tmp_path: Path) -> None:
+    text = SPRING.replace("simulate 0 .. 3 s;", "set pull_by = 0.04 N; simulate 1 s .. 3 s;")
+    exported(text, tmp_path)
+    assert reference(tmp_path) == {}  # a run without an experiment begins at 0
+    exported(text, tmp_path, "swing")
+    header, first, *_, last = reference(tmp_path)["Spring_ref.csv"].splitlines()
+    assert (header, first, last[:2]) == ('"time","x"', "1,0.003", "3,")
+    assert float(last[2:]) == pytest.approx(5e-3 - 2e-3 * math.cos(2 * 2), abs=1e-8)
+    exported(text.partition("  experiment")[0] + "}", tmp_path)
+    assert reference(tmp_path) == {}  # no time at which it ends
 
 
 def test_requirements_are_least_and_largest_values(tmp_path: Path) -> None:
