@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from .graph.network import Node as GraphNode
     from .graph.prune import adjustable, derivative_wishes, preferring
     from .graph.units import PREFIXES, UNITS, Dimension, Scale
+    from .linking.elf_library import check_length
     from .linking.layout import SharedLibrary
     from .linking.link import link
     from .linking.object_file import LinkError

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from .elf_object import BEGINNING, HEADER, RELOCATION, SYMBOL
 from .layout import LibraryLayout, aligned, texts_of
 from .machines import Machine
-from .object_file import LinkError
+from .object_file import LinkError, fields_of
 
-SHARED = 3
+SHARED, LIBRARY = 3, b"\x7fELF\x02"
 LOAD, DYNAMIC, STACK = 1, 2, 0x6474E551
 READ, WRITE, EXECUTE = 4, 2, 1
 SEGMENT, PARTS = "<IIQQQQQQ", 5
@@ -26,6 +26,17 @@ GLOBAL_FUNCTION = 0x12
 def elf_library(layout: LibraryLayout) -> bytes:
     """Return the bytes of a library. Raises `LinkError`."""
     return _ImageWriter(layout).image()
+
+
+def check_length(library: bytes) -> None:
+    """Raise `LinkError` if a library of 64 bits, of any tool, ends before what a loader maps of it: to read there ends the process."""
+    if not library.startswith(LIBRARY):
+        return
+    fields = fields_of(HEADER, library, 0)
+    for number in range(fields[11]):
+        kind, _, offset, _, _, size, _, _ = fields_of(SEGMENT, library, fields[6] + fields[10] * number)
+        if kind == LOAD and offset + size > len(library):
+            raise LinkError("the library is cut off")
 
 
 class _ImageWriter:

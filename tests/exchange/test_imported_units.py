@@ -187,6 +187,22 @@ def test_units_of_other_scales_are_turned_into_si(tmp_path: Path) -> None:
     assert found.final("x") == pytest.approx(0.006, rel=1e-14) and found.final("T") == pytest.approx(293.15, rel=1e-14)
 
 
+def test_a_library_that_is_cut_off_is_refused(tmp_path: Path) -> None:
+    """To load one ended the process: what a loader maps lies beyond the end of the file."""
+    exported(DRIVE, tmp_path)
+    file = tmp_path / "unit.fmu"
+    with zipfile.ZipFile(file) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    (library,) = [name for name in parts if name.startswith("binaries/")]
+    model = bondgraph.load(written(LOOP, tmp_path))
+    for part, words in ((2, "the library is cut off"), (4000, "the object is cut off"), (10**6, "")):
+        with zipfile.ZipFile(file, "w") as archive:
+            for name, data in parts.items():
+                archive.writestr(name, data[: len(data) // part] if name == library else data)
+        with pytest.raises(RunFailed, match=rf"the unit `drive` \(.*unit.fmu\) failed: .*{words}"):
+            model.simulate()
+
+
 def test_what_cannot_hold_a_unit_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exported(DRIVE, tmp_path)
     model = bondgraph.load(written(LOOP, tmp_path))

@@ -89,7 +89,9 @@ class CoSimulatedUnit:
 
     def _begin(self, time: float, values: Mapping[str, float]) -> None:
         """Instantiate the unit, and initialize it with its parameters and inputs."""
-        from fmpy import fmi2, fmi3, platform, platform_tuple
+        from fmpy import fmi2, fmi3, platform, platform_tuple, sharedLibraryExtension
+
+        from compiler.api import check_length
 
         unit, older = self.description, self.description.version == "2.0"
         if unit.has_steps:
@@ -99,6 +101,9 @@ class CoSimulatedUnit:
         own, there = platform if older else platform_tuple, sorted(p.name for p in Path(self.folder).glob("binaries/*"))
         if own not in there:
             raise ValueError(f"it has no library for {own} (it has: {', '.join(there) or 'none'})")
+        library = Path(self.folder, "binaries", own, unit.identifier + sharedLibraryExtension)
+        if library.is_file():
+            check_length(library.read_bytes())
         place = os.getcwd()
         try:
             instance = make(
