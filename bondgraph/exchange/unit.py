@@ -323,7 +323,8 @@ def _obstacles(compilation: Compilation) -> Iterator[tuple[Span, str, str]]:
         text = "Give the start of the storage itself."
         yield graph.span, "starts of quantities that are computed from states", text
     for number, _, _ in narrow_conditions(lowered):
-        text = "Compare without quotients, exponentials and high powers of what moves: multiply by the divisor, take logarithms or roots."
+        text = "Compare without quotients, exponentials and high powers of what moves: multiply by the divisor, take logarithms or roots; or "
+        text += "compare a state that follows them, `signal y = integral((x - y)/T, 0)`."
         yield lowered.events.located[number].note.span, "a condition that may hold for less than a step shows", text
     if lowered.crossings:
         yield graph.span, "instants that only a search over time finds", _RUN

@@ -242,9 +242,13 @@ def choose_model(file: FileScope, wanted: str | None, diagnostics: Sequence[Diag
     if not free:  # all use each other: opening one finds the cycle
         return next(iter(own.values()))
     what = f"The file has several models to run: {', '.join(free)}"
-    raise CompilationFailed(
-        [*diagnostics, NoSingleModel(own[free[1]].model.name_span, what, f"Name one: `--model {free[0]}`.")]
+    whole = [n for n in free if not any(isinstance(s, tree.PortsSyntax) for s in own[n].model.statements)]
+    hint = (
+        f"Name one: `--model {whole[0]}`."
+        if whole
+        else f'All are parts, with ports: `import {free[0]} from "FILE"` in a model that has an instance of one.'
     )
+    raise CompilationFailed([*diagnostics, NoSingleModel(own[free[1]].model.name_span, what, hint)])
 
 
 @dataclass(frozen=True, slots=True)

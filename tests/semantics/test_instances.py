@@ -231,6 +231,15 @@ class TestWhichModelIsRun:
         assert compiled(text, model="B").whole_graph.name == "B"
         assert mistakes(text) == (), "a file of parts is no mistake"
 
+    def test_several_of_which_one_has_no_ports(self) -> None:
+        part = "model A {{ port p: electric\n R r : u = 1 ohm*i\n p -> r\n}}\nmodel B {{ {}output y = 2 }}\n"
+        with pytest.raises(Exception, match="Name one: `--model B`"):
+            _ = compiled(part.format("")).whole_graph
+        with pytest.raises(Exception, match=r"is not connected outside(.|\n)*`compile --port p=effort`"):
+            _ = compiled(part.format(""), model="A").whole_graph
+        with pytest.raises(Exception, match="All are parts, with ports: `import A from"):
+            _ = compiled(part.format("port q: electric\n ")).whole_graph
+
     def test_none_of_that_name(self) -> None:
         with pytest.raises(Exception, match="BG101"):
             _ = compiled("model A { output y = 1 }\n", model="B").whole_graph

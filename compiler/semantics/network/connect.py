@@ -350,7 +350,11 @@ class Connector:
                 self.elaborator.tell(WrongConnection(segments[1].span, what, hint, (other,)))
             if side in ("inside", "outside") and len(sides) < 2 and not self.elaborator.part:
                 where = "inside its model" if side == "outside" else "outside"
-                hint = "Connect it on both sides; a port that is not needed is left out."
+                unit = side == "inside" and "." not in name
+                opened = (
+                    f", and one of a unit for other tools is opened: `compile --port {name}=effort`" if unit else ""
+                )
+                hint = f"Connect it on both sides; a port that is not needed is left out{opened}."
                 inner = segments[0].span
                 place = self.elaborator.stands.get(name.rpartition(".")[0]) if side == "inside" else None
                 others = () if place is None else ((inner, "what waits for it inside"),)

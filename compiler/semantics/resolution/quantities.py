@@ -340,9 +340,7 @@ class QuantityResolver(MemoryResolver):
             roles = {"parameter": "Parameter", "input": "Input", "constant": "Constant", "mode": "Mode"}
             role = roles.get(pending.role, "Signal")
             settable = pending.role in ("parameter", "input")
-            ways = (
-                f', or set it: in an instance `{{ {item.name} = … }}`, on the command line `--set "{pending.name}=…"`'
-            )
+            ways = f', or set it: in an instance `{{ {item.name} = … }}`, on the command line of a run `--set "{pending.name}=…"`'
             instance = pending.owner.base().stands
             self.tell(MissingValue(item.span, role, pending.name, ways if settable else "", instance))
             raise AlreadyTold
