@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,9 +25,11 @@ from ..simulation.magnitudes.pilot_run import (
     STEPS,
     STIFFER,
     PilotObservation,
+    PilotObserver,
     before_explosion,
     goes_astray,
     smallest_angles,
+    trusted,
 )
 from ..simulation.segments.timeline import Segment, always, follower, signals_on
 from .runs import BatchCourse, Runs
@@ -41,6 +45,10 @@ class FreeReach:
     inverse: Any  # (runs, n n), complex
     scale: Any  # (runs, n)
     beginning: Any
+
+    def those(self, rows: Any) -> FreeReach:
+        """Return those of some of the runs."""
+        return FreeReach(*(x[rows] for x in (self.moves, self.amplitudes, self.inverse, self.scale, self.beginning)))
 
 
 def free_reach(scene: BatchScene, runs: Runs, first: Segment, length: float) -> FreeReach:
@@ -78,9 +86,35 @@ def _stiffens(scene: BatchScene, runs: Runs, motion: FreeResponse, first: Segmen
 
 
 def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[Any, Any]:
-    """Return the largest values of the states in pilot runs, shape (runs, n), and a mask of the runs for which they are certain."""
-    first, stretches = course.segments[0], course.segments
+    """Return the largest values of the states in pilot runs that are trusted, shape (runs, n), and a mask of the runs for which they are certain."""
+    program, first = scene.program, course.segments[0]
     reach = free_reach(scene, runs, first, course.whole)
+    largest, sound = _observed(scene, runs, course, reach)
+    driven = len(program.signals(first.start, scene.inputs, runs.constants[0], first.mode)) > 0
+    if driven or len(course.segments) > 1:
+        return largest, sound
+    astray = sound & goes_astray(program, largest, reach.beginning)
+    if scene.state_selection(runs.constants):  # parts of a run go on with the largest values of those before
+        return largest, sound & ~astray
+    rows = np.flatnonzero(astray)
+    some, reach, looks = runs.those(rows), reach.those(rows), {first.stop: largest[rows]}
+
+    def look_along(place: int, way: Sequence[Segment]) -> PilotObserver:
+        stop = way[-1].stop
+        if stop not in looks:
+            looks[stop], certain = _observed(scene, some, replace(course, segments=tuple(way)), reach)
+            sound[rows] &= certain
+        values = looks[stop][place]
+        return PilotObserver(values, reach.beginning[place], None, values)
+
+    for place, row in enumerate(rows.tolist()):
+        largest[row] = trusted(partial(look_along, place), program, course.segments, False).largest
+    return largest, sound
+
+
+def _observed(scene: BatchScene, runs: Runs, course: BatchCourse, reach: FreeReach) -> tuple[Any, Any]:
+    """Return the largest values in pilot runs over these segments, and a mask of the runs for which they are certain."""
+    first, stretches = course.segments[0], course.segments
     loop, steps = _records(scene, runs, reach, first)
     sound, taken = np.ones(len(runs), dtype=bool), np.zeros(len(runs), dtype=int)
     stopped = ~sound  # runs that gave up
@@ -110,11 +144,7 @@ def largest_values(scene: BatchScene, runs: Runs, course: BatchCourse) -> tuple[
     largest, reached = steps["largest"].copy(), loop["time"] - first.start
     until = loop["until"].reshape(len(runs), NOTES, -1)
     largest[stopped] = before_explosion(*(a[stopped] for a in (largest, loop["far"], until, loop["noted"], reached)))
-    sound |= stopped
-    driven = len(scene.program.signals(first.start, scene.inputs, runs.constants[0], first.mode)) > 0
-    if not driven and len(stretches) == 1:
-        sound &= ~goes_astray(scene.program, largest, reach.beginning)
-    return largest, sound
+    return largest, sound | stopped
 
 
 def _advance(loop: RecordBatch, source: str, sound: Any) -> Any:

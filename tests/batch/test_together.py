@@ -98,6 +98,13 @@ def test_runs_together_are_runs_alone(text: str, name: str, values: tuple[float,
     assert is_whole(together(text, [{name: value} for value in values]))
 
 
+def test_magnitudes_of_reactions_are_searched_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """States that get much farther than their rates at the start tell are looked at in parts of the run, those of all runs at once."""
+    monkeypatch.delattr(pilot, "_alone")
+    for model, name, values in (("published/hires", "oks", (0.0007, 0.0008)), ("pendulum", "mass", (0.9, 1.0))):
+        assert is_whole(together(f"models/{model}.bg", [{name: value} for value in values]))
+
+
 def test_some_runs_go_on_with_another_method() -> None:
     """Explicit steps, Radau's, and those that find out on the way, in one batch."""
     results = together(VAN_DER_POL, [{"eps": 10.0**k} for k in range(-1, 5)], to="60 s")
