@@ -15,6 +15,8 @@ from bondgraph.presentation.page import report_text
 from tests.compiling import MODELS
 from tests.page.chromium import FLAGS, found_browser
 
+OBSTACLES = Path(__file__).with_name("obstacles.js").read_text(encoding="utf-8")
+
 
 @dataclass
 class Opened:
@@ -32,6 +34,11 @@ class Opened:
     def elsewhere(self, *homes: str) -> list[str]:
         """Requests to anything but a file, data, and the given origins."""
         return [url for url in self.requests if not url.startswith(("file:", "data:", *homes))]
+
+    def obstacles(self) -> list[str]:
+        """What keeps people with a keyboard alone, a screen reader or weak eyes from what the page shows now."""
+        found: list[str] = self.page.evaluate(OBSTACLES)
+        return found
 
 
 @pytest.fixture(scope="session")

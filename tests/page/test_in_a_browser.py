@@ -274,8 +274,10 @@ def test_bodies_cast_shadows(open_page: Open, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("width", "dark"), [(390, False), (390, True), (1280, True)])
 def test_it_fits(motor: str, open_page: Open, width: int, dark: bool) -> None:
-    page = open_page(motor, width, dark).page
+    opened = open_page(motor, width, dark)
+    page = opened.page
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert opened.obstacles() == []
     red, green, blue = map(
         int, re.findall(r"\d+", page.evaluate("getComputedStyle(document.body).backgroundColor"))[:3]
     )
@@ -312,6 +314,7 @@ def test_the_manipulator(manipulator_page: Path, open_page: Open) -> None:
     quarter = page.evaluate(SEEN)
     to_instant(page, 0.5)
     assert page.evaluate(SEEN) != quarter and "NaN" not in str(page.evaluate(NAMES))
+    assert opened.obstacles() == []
     assert opened.console == [] and opened.elsewhere() == []
 
 

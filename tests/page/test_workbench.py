@@ -260,6 +260,7 @@ def test_help_at_the_cursor(server: Server, open_page: Callable[..., Any]) -> No
     at("r*v")
     page.keyboard.type(" + spring.")
     until(page, "document.querySelectorAll('#offered li').length > 1")
+    assert opened.obstacles() == []
     assert "F" in page.locator("#offered li b").all_inner_texts()
     page.keyboard.press("Escape")
     at("experiment go", behind=False)

@@ -135,7 +135,11 @@ def _diagram(drawing: Html) -> Html:
         return tag("p", "The bond graph is too large for a picture that one could read; `bondgraph draw` makes one.")
     zoom = [
         tag("button", words, type="button", data_zoom=step, aria_label=told)
-        for words, step, told in (("−", "0.8", "smaller"), ("+", "1.25", "larger"), ("fit", "0", "as wide as the page"))
+        for words, step, told in (
+            ("−", "0.8", "smaller"),
+            ("+", "1.25", "larger"),
+            ("fit", "0", "fit to the width of the page"),
+        )
     ]
     colour = tag("label", tag("input", type="checkbox", id="power", checked=True), " power along the run")
     return joined([tag("div", *zoom, colour, class_="tools"), tag("div", drawing, class_="sheet", tabindex=0)])

@@ -24,7 +24,7 @@ def equations_markup(space: StateSpace, sources: Sequence[Source]) -> Html:
                 tag("li", f"and more: {len(space.steps) + len(space.states)} in all; `bondgraph equations` prints them")
             )
             break
-    return tag("ol", *rows, class_="equations")
+    return tag("ol", *rows, class_="equations", tabindex=0)
 
 
 def _place(span: Span, sources: Sequence[Source]) -> Html:

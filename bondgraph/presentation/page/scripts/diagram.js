@@ -10,6 +10,7 @@ class Diagram {
     this.readout = document.getElementById("bond");
     this.chosen = null;
     if (!this.picture) return;
+    this.picture.setAttribute("role", "group");  // an image would hide from a screen reader that its parts are buttons
     this.nodes = [...this.picture.querySelectorAll("g.node")];
     this.lines = [...this.picture.querySelectorAll("g.bond")];
     this.flows = this.lines.map((group) => this.underlay(group));
@@ -39,7 +40,8 @@ class Diagram {
       const light = (on) => { for (const at of part.at.slice(0, 1)) lineOf(at)?.classList.toggle("lit", on); group.classList.toggle("lit", on); };
       group.setAttribute("tabindex", 0);
       group.setAttribute("role", "button");
-      group.setAttribute("aria-label", group.querySelector("title")?.textContent || part.name || "");
+      const words = (kind) => [...group.querySelectorAll(kind)].map((t) => t.textContent).join(" ");
+      group.setAttribute("aria-label", `${words("text")} ${words("title")}`.trim() || part.name);
       const line = this.lines.indexOf(group);
       group.addEventListener("pointerenter", () => { light(true); if (line >= 0) this.choose(line); });
       group.addEventListener("pointerleave", () => light(false));

@@ -16,7 +16,7 @@ class Editor {
     this.saver = button("Save", () => this.save(), { title: "Ctrl+S" });
     this.other = button("take the file's", () => this.theirs.text === undefined ? this.open(this.file) : this.take(this.theirs), { hidden: true });
     this.force = button("save this one", () => { if (this.theirs.file === this.file) this.base = this.theirs.stamp; this.save(); }, { hidden: true });
-    this.bar = html("div", { id: "bar", class: "choice" }, this.files, button("New", () => this.begin()), this.saver, this.said, this.other, this.force);
+    this.bar = html("nav", { id: "bar", class: "choice", "aria-label": "files" }, this.files, button("New", () => this.begin()), this.saver, this.said, this.other, this.force);
     this.problems.before(this.bar);
     this.suggestions = new Suggestions(this);  // its keys before those of the editor
     this.files.addEventListener("change", () => { if (this.may()) this.open(this.files.value); else this.files.value = this.file; });

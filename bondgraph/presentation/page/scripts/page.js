@@ -95,7 +95,7 @@ function axisOf(run, low, high) {
 function tools() {
   const middle = () => (page.view.range[0] + page.view.range[1]) / 2;
   const button = (words, told, action) => { const made = html("button", { type: "button", "aria-label": told, title: told }, words); made.addEventListener("click", action); return made; };
-  return html("div", { class: "tools" }, button("+", "zoom in", () => page.view.zoom(0.5, middle())), button("−", "zoom out", () => page.view.zoom(2, middle())), button("all", "show the whole run", () => page.view.show(...page.view.whole)), button("pin", "keep these curves beside those of the next run", () => pin()), button("mark", "measure from here: values in the legend are told with their difference to those here (M; shift and click)", () => mark(page.plots[0].instant)), ...fileChoice(), html("output", { id: "apart" }));
+  return html("div", { class: "tools" }, button("+", "zoom in", () => page.view.zoom(0.5, middle())), button("−", "zoom out", () => page.view.zoom(2, middle())), button("all", "all of the run", () => page.view.show(...page.view.whole)), button("pin", "pin: keep these curves beside those of the next run", () => pin()), button("mark", "mark: measure from here: values in the legend are told with their difference to those here (M; shift and click)", () => mark(page.plots[0].instant)), ...fileChoice(), html("output", { id: "apart" }));
 }
 
 // A second cursor; at the same instant again it goes.

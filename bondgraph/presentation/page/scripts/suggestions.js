@@ -29,14 +29,14 @@ function marked(text) {
 class Suggestions {
   constructor(editor) {
     Object.assign(this, { editor, area: editor.area, offered: [], chosen: 0, number: 0 });
-    this.box = html("div", { id: "suggestions", hidden: true });
-    this.list = html("ul", { role: "listbox", id: "offered", "aria-label": "words that may follow" });
-    this.about = html("div", { class: "about", role: "status" });
+    this.box = html("div", { id: "suggestions", role: "region", "aria-label": "help at the cursor", hidden: true });
+    this.list = html("ul", { role: "listbox", id: "offered", tabindex: 0, "aria-label": "words that may follow" });
+    this.about = html("div", { class: "about", role: "status", tabindex: 0 });
     this.box.append(this.list, this.about);
     document.body.append(this.box);  // nothing that scrolls cuts it off
     // Whoever scrolls closes it; a page that moves as results come in does not, nor does it lose the answer to a question.
     for (const kind of ["wheel", "touchmove", "pointerdown"]) document.addEventListener(kind, (event) => { if (!this.box.contains(event.target)) this.close(); }, { capture: true, passive: true });
-    for (const [name, value] of Object.entries({ role: "combobox", "aria-autocomplete": "list", "aria-controls": "offered", "aria-expanded": "false", title: "Ctrl+Space: words that may follow; F1: about the word at the cursor" })) this.area.setAttribute(name, value);
+    for (const [name, value] of Object.entries({ "aria-autocomplete": "list", "aria-controls": "offered", "aria-haspopup": "listbox", title: "Ctrl+Space: words that may follow; F1: about the word at the cursor" })) this.area.setAttribute(name, value);
     this.area.addEventListener("keydown", (event) => this.key(event));
     this.area.addEventListener("input", (event) => { if (!this.putting && (!this.list.hidden && !this.box.hidden || /^[\p{L}_.]$/u.test(event.data ?? ""))) this.later(() => this.complete(), 120); });
     this.area.addEventListener("pointermove", (event) => this.later(() => { if (this.box.hidden || this.list.hidden) this.hover(this.under(event)); }, 450));
@@ -45,7 +45,7 @@ class Suggestions {
   }
 
   later(action, wait) { clearTimeout(this.waiting); this.waiting = setTimeout(action, wait); }
-  close() { clearTimeout(this.waiting); this.number++; this.box.hidden = true; this.area.setAttribute("aria-expanded", "false"); this.area.removeAttribute("aria-activedescendant"); }
+  close() { clearTimeout(this.waiting); this.number++; this.box.hidden = true; this.area.removeAttribute("aria-activedescendant"); }
 
   // Where lines begin, and how wide a letter is.
   measure() {
@@ -73,7 +73,6 @@ class Suggestions {
     this.box.hidden = false;
     const { width } = this.box.getBoundingClientRect(), above = below > 0.6 * innerHeight;
     Object.assign(this.box.style, { left: `${Math.max(4, Math.min(left + start + before.at(-1).length * wide, innerWidth - width - 4))}px`, top: above ? "auto" : `${below}px`, bottom: above ? `${innerHeight - below + high}px` : "auto" });
-    this.area.setAttribute("aria-expanded", String(listed));
   }
 
   async hover(place) {
