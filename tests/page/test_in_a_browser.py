@@ -315,6 +315,10 @@ def test_the_manipulator(manipulator_page: Path, open_page: Open) -> None:
     to_instant(page, 0.5)
     assert page.evaluate(SEEN) != quarter and "NaN" not in str(page.evaluate(NAMES))
     assert opened.obstacles() == []
+    page.emulate_media(media="print")
+    page.set_viewport_size({"width": 700, "height": 1000})
+    ends = "[...document.querySelectorAll('.equations math *')].map(e => e.getBoundingClientRect().right)"
+    assert max(page.evaluate(ends)) < 700  # no formula runs off the paper
     assert opened.console == [] and opened.elsewhere() == []
 
 

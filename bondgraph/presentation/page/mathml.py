@@ -24,7 +24,12 @@ Written = tuple[Html, int]
 
 def math(*inside: Html) -> Html:
     """Return a formula on a separate line."""
-    return tag("math", tag("mrow", *inside), display="block")
+    return tag("math", line(*inside), display="block")
+
+
+def line(*inside: Html) -> Html:
+    """Return parts of a formula side by side, between which a line may end."""
+    return tag("mrow", *inside, class_="row")
 
 
 def row(*inside: Html) -> Html:
@@ -85,10 +90,10 @@ def _write(x: Expression, named: Callable[[object], Html], depth: int) -> Writte
     operands = x.operands
     match x.operator:
         case "add":
-            return row(*_terms(operands, at)), SUM
+            return line(*_terms(operands, at)), SUM
         case "multiply" | "divide" if (signed := _signed(x)) != (False, x):
             minus, positive = signed
-            return (row(sign("−"), at(positive, PRODUCT)), SIGN) if minus else _write(positive, named, depth + 1)
+            return (line(sign("−"), at(positive, PRODUCT)), SIGN) if minus else _write(positive, named, depth + 1)
         case "multiply":
             return _product(operands, at)
         case "divide":
@@ -159,7 +164,7 @@ def _product(operands: Sequence[Expression], at: Callable[..., Html]) -> Written
         parts.append(at(factor, POWER) if often == 1 else tag("msup", at(factor, ATOM), tag("mn", str(often))))
     if len(operands) > MOST:
         parts.append(sign("…"))
-    return (row(*parts), PRODUCT) if len(factors) > 1 else (parts[0], POWER)
+    return (line(*parts), PRODUCT) if len(factors) > 1 else (parts[0], POWER)
 
 
 def _cases(then: Html, condition: Html, otherwise: Html) -> Html:
