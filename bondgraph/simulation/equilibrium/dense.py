@@ -55,9 +55,8 @@ class EquilibriumSearch:
         self.largest_rate: tuple[Any, float] = (None, 0.0)  # derivatives, and their largest eigenvalue
         self.unread: Any = None  # mask (n,) of the states that nothing reads, set with the first state
         self.longest = 0.0  # length of the last step, s
-        self.sums: Any = np.zeros(
-            (0, self.count)
-        )  # factors of the states in sums that every motion keeps, a row for each
+        # factors of the states in sums that every motion keeps, a row for each, (sums, n)
+        self.sums: Any = np.zeros((0, self.count))
 
     def group(self, units: Sequence[str]) -> None:
         """Set the groups of states of one unit, which are speeds, coordinates, and angles: those without a unit, unless no state has one."""
