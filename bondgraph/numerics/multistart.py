@@ -14,8 +14,11 @@ import numpy as np
 from compiler.api import Array
 
 ENTRIES = 500_000  # most entries of all matrices of one search
-AROUND = 10.0 ** (np.arange(-18, 19) / 6)  # factors on the known values
-UNITS = 10.0 ** np.arange(-6, 4)
+# Factors on the known values, and on the magnitudes, (factors, 1), with either sign
+AROUND, UNITS = (
+    np.outer(factors, (1.0, -1.0)).reshape(-1, 1)
+    for factors in (10.0 ** (np.arange(-18, 19) / 6), 10.0 ** np.arange(-6, 4))
+)
 MIXTURES = 48
 FAR = 200  # number of guesses over many decades
 
@@ -25,12 +28,9 @@ def guesses(known: Array, magnitude: Array) -> Array:
     count = len(known)
     size = np.where(known != 0, np.abs(known), magnitude)
     signed = np.where(known != 0, known, magnitude)
-    around, units = (
-        np.repeat(factors, 2)[:, None] * np.tile((1.0, -1.0), len(factors))[:, None] for factors in (AROUND, UNITS)
-    )
-    parts = [around * signed, units * magnitude]
+    parts = [AROUND * signed, UNITS * magnitude]
     if count > 1:
-        shares = np.append(around[::12] * (1.0, -1.0), 0.0)
+        shares = np.append(AROUND[::12] * (1.0, -1.0), 0.0)
         alone = np.where(np.eye(count)[:, None] > 0, shares[:, None] * size, known)
         parts += [size * _mixtures(count), alone.reshape(-1, count)]
     return np.concatenate(parts)[: max(8, ENTRIES // count**2)]

@@ -25,7 +25,6 @@ from .monitors.validity import ValidityMonitor
 from .phases.cancellation import (
     OutputTerms,
     RowsOfTerms,
-    largest_outputs,
     places_of_terms,
     rows_of_terms,
     terms_of_outputs,
@@ -127,7 +126,6 @@ class Phase:
         self.whole = False  # True once the phase has reached its end
         self.moved: Mapping[str, float] | None = None  # magnitudes of what moves, if they were needed
         self.values: Any = None  # outputs, shape (points, outputs)
-        self.largest: Any = None  # the largest absolute value of each, shape (outputs,)
         self.extremes: ExtremesMonitor | None = None
         self.balance: EnergyBalance | None = None
         self.stepper: SegmentIntegrator | None = None  # the integrator, if another run may go through this phase again
@@ -339,8 +337,8 @@ class Phase:
         self.values = solution.outputs(self.modes, self.watch)
         if self.extremes is not None:
             self.extremes.look_at_values(self.instants[: len(self.values)], self.values)
-        self.whole, self.largest = True, largest_outputs(self.values)
-        if not all(map(isfinite, self.largest.tolist())):
+        self.whole = True
+        if not isfinite(np.add.reduce(self.values, axis=None)):
             from .monitors.finite import check_finite
 
             space = self.compilation.state_space
@@ -406,7 +404,6 @@ class Phase:
             self.trajectory.kept = None  # its instant lies beyond the last finite output
         elif self.options.energy and kept is not None:
             self._find_energy()
-        self.largest = largest_outputs(self.values)
 
     def _finish(self) -> None:
         if self.history is not None:

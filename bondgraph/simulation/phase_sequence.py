@@ -20,7 +20,7 @@ from ..results.result import Result
 from .monitors.state_selection import WORST
 from .monitors.step_size_diagnosis import BEYOND
 from .phase import Phase, PhaseOptions, SwitchedStart
-from .phases.cancellation import EXACT, doubts_on_outputs
+from .phases.cancellation import EXACT, doubts_on_outputs, largest_outputs
 from .phases.start import no_rest
 from .segments.trajectory import PhaseTransition
 
@@ -158,7 +158,10 @@ class PhaseSequence:
                 evaluations[kind] = evaluations.get(kind, 0) + count
         values = legs[0].values if len(legs) == 1 else np.concatenate([leg.values for leg in legs])
         now = any(leg.history is not None for leg in legs)  # what is delayed is this run's alone
-        end, warnings = later(legs[-1].end(self.stop), now), later(_warnings(legs, self.options.rtol, plan.start), now)
+        end, warnings = (
+            later(legs[-1].end(self.stop), now),
+            later(_warnings(legs, values, self.options.rtol, plan.start), now),
+        )
         time, halted = self.instants[: len(values)], legs[-1].trajectory.stopped
         if halted is not None:
             time = np.append(time[:-1], halted)
@@ -264,20 +267,20 @@ def _check_choice(
         )  # fmt: skip
 
 
-def _warnings(legs: Sequence[Phase], rtol: float, begin: float) -> Callable[[], tuple[LimitLeft, ...]]:
+def _warnings(legs: Sequence[Phase], values: Array, rtol: float, begin: float) -> Callable[[], tuple[LimitLeft, ...]]:
     """Return the function that finds each violated limit once, at its first instant, the first doubt about tolerances, and outputs that are less than the
     tolerance leaves of their terms."""
     limits = [w for leg in legs for w in (*leg.doubts, *leg.watch.warnings)]
     exact = all(leg.trajectory.exact for leg in legs)
     accuracy, names = EXACT if exact else max(rtol, EXACT), legs[0].program.outputs.names
-    terms, sizes = [leg.terms_of_outputs() for leg in legs], [leg.largest for leg in legs]
+    terms = [leg.terms_of_outputs() for leg in legs]
 
     def warnings() -> tuple[LimitLeft, ...]:
         first: dict[tuple[str, str, str], LimitLeft] = {}
         for item in limits:
             first.setdefault((item.owner, item.condition, item.place), item)
         return *first.values(), *doubts_on_outputs(
-            names, np.max(sizes, axis=0), [find() for find in terms], accuracy, begin
+            names, largest_outputs(values), [find() for find in terms], accuracy, begin
         )
 
     return warnings

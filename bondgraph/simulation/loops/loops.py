@@ -49,11 +49,12 @@ class LoopSolver:
         self.affine = False
         if not len(self.magnitude):
             return
-        rows, columns = program.pattern
-        self._chosen = np.flatnonzero((rows >= self.count) & (columns >= self.count))
-        self.affine = {*range(len(self.magnitude))} <= {*program.eliminated}
-        self._order = np.argsort(program.eliminated)
-        self._place = rows[self._chosen] - self.count, columns[self._chosen] - self.count
+        if "loops" not in program.kept:
+            rows, columns = program.pattern
+            chosen = np.flatnonzero((rows >= self.count) & (columns >= self.count))
+            affine, place = {*range(len(self.magnitude))} <= {*program.eliminated}, (rows[chosen], columns[chosen])
+            program.kept["loops"] = chosen, affine, np.argsort(program.eliminated), tuple(p - self.count for p in place)
+        self._chosen, self.affine, self._order, self._place = program.kept["loops"]
         self._systems: dict[bytes, RecordArray | Plain] = {}
 
     def solve(self, time: float, state: Array, mode: Array) -> Any:

@@ -93,7 +93,7 @@ def notes_of(context: SegmentContext, solver: LastStep, steps: int, segment: Seg
 
 def is_usual(state: Array, steps: int) -> bool:
     """Return True if a segment took few steps, and no state is far beyond its magnitude at its end, by which it is divided."""
-    return steps < MANY and not np.count_nonzero(np.abs(state) > BEYOND)
+    return steps < MANY and (state.dot(state) < BEYOND**2 or not np.count_nonzero(np.abs(state) > BEYOND))
 
 
 def growth_notes(context: SegmentContext, time: float, state: Array, notes: Sequence[str]) -> list[str]:
