@@ -107,7 +107,7 @@ class Phase:
         self.stretches[0] = start.first
         self.state, self.start_notes, self.events, self.jumps = start.state, start.notes, start.events, start.jumps
         if self.events is not None:
-            self.events.record.record.relative = options.rtol
+            self.events.relative = options.rtol
             self.shared.events = None if self.constraints else self.events
         self.begins_without, self.goes_on_without = start.begins_without, start.goes_on_without
         magnitudes, guessed = ({}, frozenset[str]()) if begin is None else (begin.magnitudes, begin.guessed)

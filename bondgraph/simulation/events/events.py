@@ -15,6 +15,7 @@ from compiler.api import Array, BoolArray, IntArray
 from ...errors import RateNotFinite, RunFailed
 from ..integrators.acceptance.event_indicators import REACHES
 from ..integrators.acceptance.event_passing import MOST_ROUNDS, OFTEN, SHORT
+from ..integrators.tolerances import FINEST
 from ..segments.sampling import due_at, sampling_of
 from .bounds import bounds_of
 from .complementarity import Companion
@@ -27,6 +28,7 @@ MOST_AT_ONCE = 60  # most simultaneous events
 LEFT = OFTEN  # times in a row that an event makes its condition false before it is expected to
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
 BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
+TIGHTER = 1e-3  # factor on the tolerance of a run that does not resolve a condition
 ALIKE = 4  # largest quotient of the factors by which the intervals between accumulating events shrink
 POLE = 1e3  # ratio of the rounding of a root to that a little later: it is at a pole
 
@@ -70,7 +72,19 @@ class Events(EventIndicators):
         # first instant, s, at which a condition that only events read comes within rounding of its threshold
         self.touches: dict[int, float] = {}
         self.infinite: dict[int, HybridState] = {}  # first state at which a condition that decides something is so
+        self.blurs: dict[
+            int, tuple[float, float]
+        ] = {}  # last instant at which the flow has contradicted each, and its rounding there
         self.again = 0  # times in a row that the flow has contradicted a zero crossing
+
+    @property
+    def relative(self) -> float:
+        """Relative tolerance of the run, 0 where it is not known."""
+        return float(self.record.record.relative)
+
+    @relative.setter
+    def relative(self, value: float) -> None:
+        self.record.record.relative = value
 
     def anew(self, magnitude: Array) -> Events:
         other = super().anew(magnitude)
@@ -165,8 +179,10 @@ class Events(EventIndicators):
             self.floor[slow] = np.fmax(self.floor, self.tolerated(self.record["noise"]))[slow]
 
     def _contradict(self, at: HybridState, conditions: IntArray, floor: Array) -> None:
-        """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt,
-        or, after some such crossings in a row, beyond the tolerance: the step's polynomial makes them, where a law is stiff.
+        """Keep conditions as they are that the flow leads back within rounding of a located zero crossing, until they are beyond doubt.
+
+        After some such crossings in a row the step's polynomial makes them, where a law is stiff: the tolerance becomes tighter, so that it resolves what
+        decides, and in the end they are kept until they are beyond it.
 
         `floor`: before this instant; it stays where conditions change again and again at an instant, each as the rounding of the others lets it.
         """
@@ -176,7 +192,11 @@ class Events(EventIndicators):
         again = self.log and at.time - self.log[-1].time <= SHORT * abs(at.time)
         if again or len(conditions):
             noise = self.evaluated(at)[1]
-            most = np.fmax(BEYOND * noise, self.tolerated(noise)) if self.again >= LEFT else BEYOND * noise
+            most = BEYOND * noise
+            self.blurs |= {int(i): (at.time, float(noise[i])) for i in conditions}
+            if self.again >= LEFT and noise[conditions].any():
+                self.relative = min(self.relative, max(FINEST, TIGHTER * self.relative))
+                most = most if self.relative > FINEST else np.fmax(most, self.tolerated(noise))
             least = np.minimum(floor, most) if again else np.zeros(len(most))
             least[conditions] = most[conditions]
             self.floor = np.maximum(self.floor, least)

@@ -102,6 +102,11 @@ class EventIntegrator(SegmentIntegrator):
         events, powers = self.events, self.powers
         now = events.happen(at, flipped, events.due(at.time) if flipped is None else ())
         self.came = None if flipped is None else at
+        if 0 < events.relative < self.tolerances.relative:
+            share = events.relative / self.tolerances.relative
+            self.__dict__["tolerances"] = replace(
+                self.tolerances, relative=events.relative, absolute=share * self.tolerances.absolute, kept={}
+            )
         self.check_forced(at.time, at.mode, now.mode, at.state)
         if powers is not None and events.log[-1].events:
             both = (powers(m.time, m.state, m.mode) for m in (at, now))

@@ -34,6 +34,7 @@ TRIES = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25)  # parts of it: rounding has the rig
 FAINT = 1e-12  # of the largest terms of the equations: a smaller change may be below rounding
 SHOWN = 0.5  # of what the slopes promise: less, or none, or the other sign, is rounding
 MOVED = 1e-2  # of that change: an output that moves by more of its size depends on the unknown
+SURE, BLURRED = 4.0, 300.0  # in units of the rounding of a root: one is told that is larger, but nowhere by more
 MISSED = 30.0  # tolerances by which rates that a step has missed would move a state, from which a run warns
 
 
@@ -82,6 +83,8 @@ def phase_doubts(
                 f"at t = {at.time:.9g} s {what} is infinite, with the sign of a zero, which rounding decides: {cause}"
             )
             doubts.append(ToleranceDoubt(at.time, what, "infinite condition", text, (), ""))
+    if events is not None and events.blurs and len(trajectory.states):
+        doubts += doubts_on_conditions(solution, events)
     if trajectory.rounded > ROUNDED:
         text = (
             f"rtol = {rtol:g} is below what rounding leaves: steps were accepted with {trajectory.rounded:.2g} tolerances of rounding; "
@@ -102,6 +105,25 @@ def phase_doubts(
 
         doubts += doubts_of(trajectory.poses)
     return tuple(doubts)
+
+
+def doubts_on_conditions(solution: PhaseSolution, events: Events) -> list[ToleranceDoubt]:
+    """Return a warning on each condition that the flow has contradicted and that is at most a few hundred times its rounding in the whole phase."""
+    from ..integrators.acceptance.event_indicators import NOISE
+
+    times, states = solution.instants[: len(solution.trajectory.states)], solution.trajectory.states
+    roots = [events.roots(times[i:j], states[i:j], mode) for mode, i, j in solution.modes() if i < j]
+    largest = np.abs(np.concatenate(roots)).max(axis=0)
+    doubts = []
+    for number, (time, noise) in events.blurs.items():
+        if SURE * noise < largest[number] < BLURRED * noise:
+            what = events.listed_conditions([number])
+            text = (
+                f"near t = {time:.9g} s {what} compares numbers that are {noise / (NOISE * largest[number]):.1g} times as large as their difference: "
+                "rounding may decide when it changes; make what is between them less stiff"
+            )
+            doubts.append(ToleranceDoubt(time, what, "blurred condition", text, (), ""))
+    return doubts
 
 
 def doubts_on_open_loops(solution: PhaseSolution) -> tuple[ToleranceDoubt, ...]:
