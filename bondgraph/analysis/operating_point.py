@@ -368,7 +368,7 @@ class OperatingPoint:
             tape = Tape([x for row in rows for x in row.values()])
             found = self.made.kept[variables] = Slopes(
                 tape, np.repeat(np.arange(len(rows)), [len(row) for row in rows]),
-                np.array([columns[c] for row in rows for c in row], dtype=int), tape.has("select"),
+                np.array([columns[c] for row in rows for c in row], dtype=int), tape.jumps(),
             )  # fmt: skip
         return found
 

@@ -15,8 +15,9 @@ from typing import Any
 
 from ..algebra.derivative import partial
 from ..algebra.expression import Apply, Expression, Number, Symbol
-from ..algebra.operators import value_of
+from ..algebra.operators import CURVES, value_of
 from ..algebra.systems import LEADING, SYSTEMS, banded_shape, dense
+from ..algebra.table import jumps_at_knots
 from .limits import Leaf
 
 Lookup = Callable[[Leaf], float]
@@ -38,9 +39,10 @@ class Tape:
         self._forward: dict[frozenset[Leaf], list[_Moved]] = {}
         self._between: list[Step] = []  # to the partial derivatives of operators, for all directions
 
-    def has(self, operator: str) -> bool:
-        """True if a root contains this operator."""
-        return any(isinstance(node, Apply) and node.operator == operator for node in self._nodes)
+    def jumps(self) -> bool:
+        """True if a root contains a choice, or a derivative of a table that jumps at its points."""
+        applied = (node for node in self._nodes if isinstance(node, Apply))
+        return any(node.operator == "select" or (node.operator in CURVES and jumps_at_knots(node)) for node in applied)
 
     def values(self, lookup: Lookup) -> list[float]:
         """Values of the roots at a point; NaN for a root without a value there."""

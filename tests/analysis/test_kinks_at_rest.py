@@ -22,7 +22,7 @@ TEXT = """model S {{
   output x = spring.x
 }}
 """
-SOFT, LINEAR = "1 [N*s/m]*v", "4 [N/m]*x"
+SOFT, LINEAR, TABLE = "1 [N*s/m]*v", "4 [N/m]*x", "linear(spring.x, X, Y)"
 
 
 def model(spring: str = LINEAR, loss: str = SOFT, start: str = "0 m", up: float = 1) -> bondgraph.Model:
@@ -130,8 +130,8 @@ def test_a_law_with_one_slope(spring: str, loss: str) -> None:
 
 
 def test_a_point_of_a_table() -> None:
-    with pytest.raises(RunFailed, match="no linear model"):
-        model("4*linear(x, X, Y)", up=3).modes()
+    """Only `modes` refused it: the slopes of others had the side from there on, without a word."""
+    refused(model("4*linear(x, (-1 m, 0 m, 1 m), (-1 N, 0 N, 3 N))"), "spring")
 
 
 def test_the_advice_works() -> None:
@@ -146,8 +146,15 @@ def test_the_advice_works() -> None:
 
 
 def test_outputs_that_bend() -> None:
-    text = TEXT.format(spring=LINEAR, loss=SOFT, start="0 m", up=1, letters="R")
-    for law in ("abs(spring.x)", "1 if spring.x > 0 m else 0", "sign(mass.v)", "floor(spring.x/1 m)", "abs(push)"):
+    text = TEXT.format(spring=LINEAR, loss=SOFT, start="0 m", up=3, letters="R")
+    for law in (
+        "abs(spring.x)",
+        TABLE,
+        "1 if spring.x > 0 m else 0",
+        "sign(mass.v)",
+        "floor(spring.x/1 m)",
+        "abs(push)",
+    ):
         bent = bondgraph.load(text.replace("output x", f"output y = {law}, x"))
         with pytest.raises(RunFailed, match=r"the equation of `.*no linear model"):
             bent.linearize()
@@ -159,7 +166,8 @@ def test_outputs_that_bend() -> None:
 
 def test_inputs_that_bend() -> None:
     text = TEXT.format(spring=LINEAR, loss=SOFT, start="0 m", up=1, letters="R")
-    for law in ("max(push, 0 N)", "2 N*sign(push/1 N)", "push if push > 0 N else 2*push"):
+    table = "linear(push, (-1 N, 0 N, 1 N), (0 N, 0 N, 1 N))"
+    for law in ("max(push, 0 N)", "2 N*sign(push/1 N)", "push if push > 0 N else 2*push", table):
         bent = bondgraph.load(text.replace("F = push", f"F = {law}"))
         with pytest.raises(RunFailed, match="no linear model"):
             bent.linearize()
