@@ -59,9 +59,10 @@ class PartWithoutOutputs(Diagnostic):
 class NumpyAlone(Diagnostic):
     code = "BG605"
     title = "{what} cannot be written in {target} yet"
-    advice = "Compile for numpy, which has functions for all of them."
+    advice = "{instead}"
     target: str
     what: str = "Events, switched junctions and delays"
+    instead: str = "Compile for numpy, which has functions for all of them."
 
 
 class UnitInText(Diagnostic):

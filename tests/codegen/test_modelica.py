@@ -75,6 +75,16 @@ LOOP = """plain model Loop {
   output f = a[1].f
 }
 """
+ROLLING = """model Rolling {
+  parameter slope = 0.3 rad, m = 1 kg, g = 9.81 [m/s^2]
+  multibody plane : planar {
+    gravity = (g*sin(slope), -g*cos(slope))
+    body hub { mass = m, inertia = m*(0.2 m)^2/2, at = (0, 0.2 m) }
+    free way : ground to hub { at = (0, 0.2 m) }
+    wheel rim : ground to hub { radius = 0.2 m, normal = (0, 1) }
+  }
+  output x = plane.hub.x, turn = plane.hub.phi
+}"""
 
 
 def evaluated(text: str, values: dict[str, float]) -> tuple[dict[str, float], dict[str, str]]:
@@ -113,7 +123,14 @@ def value(text: str, names: dict[str, float]) -> float:
 
 
 @pytest.mark.parametrize(
-    "text", [MODEL, LOOP.replace("DAMPER", "f"), LOOP.replace("DAMPER", "f + f^3"), MODELS / "pid_dc_motor.bg"]
+    "text",
+    [
+        MODEL,
+        LOOP.replace("DAMPER", "f"),
+        LOOP.replace("DAMPER", "f + f^3"),
+        MODELS / "pid_dc_motor.bg",
+        MODELS / "four_bar.bg",
+    ],
 )
 def test_equations_are_those_of_the_module_for_numpy(text: str | Path) -> None:
     compilation = compiled(text, free=("*",))
@@ -163,6 +180,16 @@ def test_events_are_when_clauses() -> None:
 
 
 PLAIN_SERVO = servo(" offset 3 ms")
+TRIANGLE = """model Triangle {
+  multibody M : planar {
+    body bar { mass = 1 kg, inertia = 1 [kg*m^2], at = (0.5 m, 0 m) }
+    body rod { mass = 1 kg, inertia = 1 [kg*m^2], at = (0.5 m, 0.5 m) }
+    hinge pin : ground to bar { at = (0 m, 0 m), start phi.omega = 1 [1/s] }
+    hinge top : bar to rod { at = (1 m, 0 m) }
+    hinge end : rod to ground { at = (0 m, 1 m) }
+  }
+  output angle = M.pin.phi
+}"""
 REFUSED = {
     "condition holds at the start": HEATER,
     "delay or jitter": servo(" offset 3 ms delay 2 ms"),
@@ -171,7 +198,9 @@ REFUSED = {
     "Delays": MODEL.replace("output q", "output late = delay(mass.f, 1), q"),
     "`erf`": MODEL.replace("2*f)", "erf(f))"),
     "tables and noise": SPRINGS.format(law=next(iter(LAWS.values())), ys="-4, 0, 0.5, 4"),
-    "closed loops, rolling": MODELS / "four_bar.bg",
+    "The constraint `rate of M.top.y`, which a run assembles first,": TRIANGLE,
+    "Constraints that depend on others at the start": ROLLING.replace(" }\n  }", " }\n wheel rim_2 : ground to hub { radius = 0.2 m, normal = (0, 1) }\n  }"),
+    "Events that set a state beside constraints": ROLLING.replace("  output", " I spin : L = 2 [kg*m^2]*omega\n Se t : M = 1 [N*m]\n t -> 1(spin)\n when plane.hub.x > 1 m { spin.L = 0 [N*m*s] }\n output spun = spin.omega\n output"),
 }  # fmt: skip
 
 
@@ -186,7 +215,7 @@ def test_what_it_cannot_hold_is_named(words: str) -> None:
 def test_rumoca_runs_it(tmp_path: Path) -> None:
     rumoca = pytest.importorskip("rumoca")
     exact = rumoca.SimConfig(rtol=1e-10, atol=1e-12)
-    ways = {"ball": BALL, "servo": PLAIN_SERVO, "heater": HEATER.replace("290 K", "294 K")}
+    ways = {"ball": BALL, "servo": PLAIN_SERVO, "heater": HEATER.replace("290 K", "294 K"), "rolling": ROLLING}
     for name, text in ways.items():
         (tmp_path / name).mkdir()
         model, file = bondgraph.load(text), tmp_path / name / "m.mo"

@@ -1,14 +1,16 @@
 """State equations to flat Modelica: parameters, starts, equations in the order of computation, events by `when`.
 
-Conditions of events count as false before the start, as `when` has it; a model where one is true there, at its own values, is refused.
+Conditions of events count as false before the start, as `when` has it; a model where one is true there, at its own values, is refused. Constraints are
+written as their second derivatives, whose unknowns are the multipliers: they have to hold at the start, where a run would assemble the mechanism.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 
+import numpy as np
 import sympy
 from sympy import Basic, Symbol
 from sympy.logic.boolalg import Boolean
@@ -21,7 +23,7 @@ from ..errors import NumpyAlone
 from ..numpy.names import Identifiers
 from ..symbolic.formulate import formulate
 from ..symbolic.python_text import PythonPrinter, cited, function_names, needed_lines, results_of, targets_of
-from ..symbolic.state_equations import EventEquations, LinearSystem, NamedSymbol, SolvedEquation, StateEquations
+from ..symbolic.state_equations import EventEquations, Line, LinearSystem, NamedSymbol, SolvedEquation, StateEquations
 from .targets import TextTarget
 
 KNOWN = frozenset((
@@ -32,13 +34,20 @@ WORDS = frozenset("""algorithm and annotation block break class connect connecto
     end enumeration equation expandable extends external false final flow for function if import impure in initial inner input loop model not operator or
     outer output package parameter partial protected public pure record redeclare replaceable return stream then true type when while within Real
     Integer Boolean String time pre edge change reinit sample assert terminate""".split())  # fmt: skip  # noqa: SIM905
+ASSEMBLED = "Give the mechanism starts with which its constraints hold, as a run prints them, and leave out joints that others make superfluous."
+# Fraction by which a constraint may be open at the start: of the largest quantity of its unit, or of 1e-3 in SI.
+MET, SMALL = 1e-9, 1e-3
 FACTOR = re.compile(r"([*/]?)(1|[A-Za-z]+(?:\^-?\d+)?)")  # of a unit
 
 
 def write(space: StateSpace, descriptions: Mapping[str, str]) -> str:
     """Text of the model. Raises `CompilationFailed` for what flat Modelica, or the order of its events, cannot hold."""
-    equations = formulate(space, descriptions)
-    problems = [NumpyAlone(span or space.steps[0].span, "Modelica", what) for span, what in _obstacles(equations)]
+    equations, place = formulate(space, descriptions), space.steps[0].span
+    problems = [NumpyAlone(span or place, "Modelica", what) for span, what in _obstacles(equations)]
+    if equations.constraints and not problems:
+        problems = [
+            NumpyAlone(span or place, "Modelica", what, ASSEMBLED) for span, what in _open_constraints(equations)
+        ]
     if problems:
         raise CompilationFailed(problems)
     return _ModelicaText(equations).text()
@@ -53,13 +62,13 @@ def _obstacles(e: StateEquations) -> Iterator[tuple[Span | None, str]]:
         yield e.switches[0].span, "Switched junctions"
     if e.delays:
         yield e.delays[0][0].span, "Delays"
-    if e.constraints:
-        yield e.constraints[0].span, "Mechanisms that constraints hold together (closed loops, rolling)"
     if e.initial:
         yield e.initial[0].span, "Starts of quantities that are computed from states"
     for event in e.events:
         if any(reset.target in e.reset_targets for reset in event.resets):
             yield event.span, "Events that set what is computed from states"
+        if e.constraints and any(q.symbol == reset.target for q in e.states for reset in event.resets):
+            yield event.span, "Events that set a state beside constraints"
         if event.sampling and any(x != 0 for x in event.sampling[2:4]):
             yield event.span, "Samples with a delay or jitter"
         if any(isinstance(line, LinearSystem) for line in needed_lines(e.lines, _read(event))):
@@ -73,7 +82,7 @@ def _obstacles(e: StateEquations) -> Iterator[tuple[Span | None, str]]:
                 yield line.span, "Infinite numbers"
     if any(q.value is not None and not isfinite(q.value) for q in (*e.parameters, *e.inputs)):
         yield None, "Infinite numbers"
-    if not e.switches and not e.delays:
+    if not e.switches and not e.delays and not all(event.sampling for event in e.events):
         yield from ((event.span, "Events whose condition holds at the start") for event in _true_at_start(e))
 
 
@@ -82,31 +91,59 @@ def _read(event: EventEquations) -> tuple[Basic, ...]:
     return event.condition, *event.sampling, *(reset.value for reset in event.resets)
 
 
+class _ModelicaStart:
+    """Values at the start, with those of the model."""
+
+    def __init__(self, e: StateEquations) -> None:
+        self.lines: tuple[Line, ...] = (*e.lines, *e.partials.lines)
+        self.values: dict[Basic, Basic] = {
+            q.symbol: sympy.Float(q.value or 0.0) for q in (*e.parameters, *e.inputs, *e.unknowns)
+        } | {e.time: 0.0}
+        for q, entry in [*zip(e.states, e.starts, strict=True), *zip(e.discretes, e.discrete_starts, strict=True)]:
+            value = self.of(entry.value)
+            self.values[q.symbol] = sympy.Float(bool(value)) if _is_condition(value) else value
+
+    def of(self, x: Basic) -> Basic:
+        """The value of an expression."""
+        for line in needed_lines(self.lines, [x]):
+            if isinstance(line, SolvedEquation):
+                if line.target not in self.values:
+                    self.values[line.target] = line.right.subs(self.values)
+            elif line.targets[0] not in self.values:
+                matrix, right = sympy.Matrix(line.matrix).subs(self.values), sympy.Matrix(line.right).subs(self.values)
+                self.values.update(zip(line.targets, matrix.LUsolve(right), strict=True))
+        return x.subs(self.values)
+
+
 def _true_at_start(e: StateEquations) -> Iterator[EventEquations]:
     """Yield the events whose condition holds at the start, or may do so, with the values of the model."""
-    values = {q.symbol: sympy.Float(q.value or 0.0) for q in (*e.parameters, *e.inputs, *e.unknowns)} | {e.time: 0.0}
-    conditions = [event.condition for event in e.events if not event.sampling]
-
-    def compute(wanted: Iterable[Basic]) -> None:
-        for line in needed_lines(e.lines, wanted):
-            if isinstance(line, SolvedEquation):
-                values[line.target] = line.right.subs(values)
-            else:
-                solved = sympy.Matrix(line.matrix).subs(values).LUsolve(sympy.Matrix(line.right).subs(values))
-                values.update(zip(line.targets, solved, strict=True))
-
-    if conditions:
-        starts = [*zip(e.states, e.starts, strict=True), *zip(e.discretes, e.discrete_starts, strict=True)]
-        compute(entry.value for _, entry in starts)
-        for quantity, entry in starts:
-            value = entry.value.subs(values)
-            values[quantity.symbol] = sympy.Float(bool(value)) if _is_condition(value) else value
-        compute(conditions)
+    start = _ModelicaStart(e)
     for event in e.events:
-        if not event.sampling:
-            truth = event.condition.subs(values)
-            if truth not in (sympy.false, 0, 0.0):
-                yield event
+        if not event.sampling and start.of(event.condition) not in (sympy.false, 0, 0.0):
+            yield event
+
+
+def _open_constraints(e: StateEquations) -> Iterator[tuple[Span | None, str]]:
+    """Yield a constraint that the starts do not meet, or one of those that do not decide their multipliers."""
+    start, sizes = _ModelicaStart(e), dict[str, float]()
+    for q in (*e.parameters, *e.states):
+        sizes[q.unit] = max(sizes.get(q.unit, 0.0), abs(float(start.values[q.symbol])))
+    for entry in e.constraints:
+        if not abs(float(start.of(entry.value))) <= MET * (sizes.get(entry.unit) or SMALL):
+            yield entry.span, f"The constraint `{entry.name}`, which a run assembles first,"
+            return
+    first, count = len(e.states), len(e.unknowns)
+    if not count:
+        return
+    slopes = np.zeros((count, count))
+    for (row, column), slope in e.partials.entries.items():
+        if row >= first <= column:
+            slopes[row - first, column - first] = float(start.of(slope))
+    with np.errstate(all="ignore"):
+        slopes /= np.abs(slopes).max(axis=1, keepdims=True)
+        slopes /= np.abs(slopes).max(axis=0)
+    if not np.isfinite(slopes).all() or np.linalg.matrix_rank(slopes, MET) < count:
+        yield e.constraints[0].span, "Constraints that depend on others at the start, of which a run chooses some,"
 
 
 class ModelicaPrinter(PythonPrinter):
@@ -268,6 +305,8 @@ class _ModelicaText:
             else:
                 words = f"sample({self.printer.number(offset)}, {self.printer.number(period)})"
             yield f"  {name} = {words};  // {printable(event.words)}"
+        if e.constraints:
+            yield "  // Constraints hold at the start, with these starts; later as far as a solver keeps their second derivatives zero."
         if e.events:
             yield "  // Conditions count as false before the start; with other parameters one may hold there."
         discretes = {q.symbol for q in e.discretes}
