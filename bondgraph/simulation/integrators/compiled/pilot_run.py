@@ -33,11 +33,13 @@ def keeps_factors(program: Program) -> bool:
 
 def _room(program: Program, constants: Array) -> dict[str, Any]:
     """Return the work arrays of steps, and the data of the program that they need."""
-    entries, n, sparse = len(program.pattern[0]), len(program.variables.names), is_sparse(program)
+    columns, n, sparse = program.pattern[1], len(program.variables.names), is_sparse(program)
+    entries, begins = len(columns), np.append(0, np.bincount(columns, minlength=n).cumsum())
     return zeros_of(
         Euler, n=n, differential=len(program.states.names), entry_count=entries, sparse=int(sparse), keeping=int(keeps_factors(program))
     ) | {
         "mode": np.zeros(mode_size(program, constants)), "kinds": unit_numbers(program), "real": zeros_of(Factors, n=0 if sparse else n),
+        "by_column": np.argsort(columns, kind="stable"), "begins": begins,
     }  # fmt: skip
 
 

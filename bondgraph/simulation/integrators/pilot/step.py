@@ -34,6 +34,9 @@ class Euler(Record):
     entry_count: int
     rows: Ints  # entry_count
     columns: Ints  # entry_count
+    by_column: Ints  # entry_count: indices of the entries, column by column
+    begins: Ints  # n + 1: where each column begins among these
+    queue: Ints = sized("n")  # work array: states in the order in which others bring them to a value
     largest: Floats = sized("n")  # largest values so far
     smallest: Floats = sized("n")  # smaller values are rounding
     kinds: Ints  # n: index of the unit
@@ -158,21 +161,8 @@ def magnitudes(e: Euler) -> None:
         moved = abs(e.size * e.slope[i]) if i < e.differential else 0.0
         e.scale[i] = max(e.largest[i], moved)
         still += e.scale[i] == 0.0
-    rounds = 0
-    while still > 0 and rounds < e.n:
-        for i in range(e.n):
-            e.reached[i] = 0.0
-        for k in range(e.entry_count):
-            e.reached[e.rows[k]] = max(e.reached[e.rows[k]], abs(e.size * e.jacobian[k]) * e.scale[e.columns[k]])
-        further = 0
-        for i in range(e.n):
-            if e.scale[i] == 0.0 and e.reached[i] != 0.0:
-                e.scale[i] = e.reached[i]
-                further += 1
-        if further == 0:
-            break
-        still -= further
-        rounds += 1
+    if still > 0:
+        follow_links(e)
     largest = 0.0
     for i in range(e.n):
         if e.scale[i] == 0.0:
@@ -180,6 +170,34 @@ def magnitudes(e: Euler) -> None:
         largest = max(largest, e.scale[i])
     for i in range(e.n):
         e.scale[i] = max(e.scale[i], SMALLEST_RATIO * largest)
+
+
+def follow_links(e: Euler) -> None:
+    """Give states without a scale the largest value to which those before them bring them. Each link is followed once: in a long ladder at rest each step
+    would take the square of its length otherwise."""
+    count = 0
+    for i in range(e.n):
+        e.reached[i] = 0.0
+        if e.scale[i] != 0.0:
+            e.queue[count] = i
+            count += 1
+    first = 0
+    while first < count:
+        last = count
+        for place in range(first, last):
+            column = e.queue[place]
+            for link in range(e.begins[column], e.begins[column + 1]):
+                entry = e.by_column[link]
+                row = e.rows[entry]
+                brought = abs(e.size * e.jacobian[entry]) * e.scale[column]
+                if e.scale[row] == 0.0 and brought > e.reached[row]:
+                    if e.reached[row] == 0.0:
+                        e.queue[count] = row
+                        count += 1
+                    e.reached[row] = brought
+        for place in range(last, count):
+            e.scale[e.queue[place]] = e.reached[e.queue[place]]
+        first = last
 
 
 def moved_share(e: Euler) -> float:
