@@ -140,6 +140,15 @@ int NAME_outputs_of(struct NAME_model *model, struct NAME_outputs *out)
 /* A program to try it: `cc -DNAME_MAIN FILE.c -lm && ./a.out [STOP [POINTS [TOLERANCE]]]` prints the outputs at these instants of the experiment. */
 #include <stdio.h>
 
+/* The worse of two statuses; a first or worse one is told. */
+static int NAME_worse(struct NAME_model *model, int status, int before)
+{
+    if (status > before) {
+        fprintf(stderr, "NAME: %s (%.9g s)\n", NAME_message(model), NAME_time(model));
+    }
+    return status > before ? status : before;
+}
+
 int main(int count, char **words)
 {
     static struct NAME_model model;
@@ -148,7 +157,7 @@ int main(int count, char **words)
     const double start = @start@, stop = count > 1 ? strtod(words[1], 0) : @stop@, tolerance = count > 3 ? strtod(words[3], 0) : @tolerance@;
     const long points = count > 2 ? strtol(words[2], 0, 10) : @points@;
     long k;
-    int i, status;
+    int i, status, worst = NAME_fine;
     NAME_defaults_of(&in);
     status = NAME_init(&model, NAME_defaults, &in, start, stop, tolerance);
     printf("time");
@@ -158,16 +167,20 @@ int main(int count, char **words)
     printf("\n");
     for (k = 0; k < points && status <= NAME_beyond_limit; k++) {
         status = k == 0 ? status : NAME_go(&model, &in, start + (stop - start) * (double)k / (double)(points - 1));
-        if (status == NAME_no_step || status == NAME_failed || NAME_outputs_of(&model, &out) != NAME_fine) {
+        worst = NAME_worse(&model, status, worst);
+        if (status != NAME_no_step && status != NAME_failed) {
+            i = NAME_outputs_of(&model, &out);
+            worst = NAME_worse(&model, i, worst);
+            status = i == NAME_fine ? status : i;
+        }
+        if (status == NAME_no_step || status == NAME_failed) {
             break;
         }
         printf("%.17g", NAME_time(&model));
     @printed@
         printf("\n");
     }
-    if (status != NAME_fine) {
-        fprintf(stderr, "NAME: %s (%.9g s)\n", NAME_message(&model), NAME_time(&model));
-    }
-    return status == NAME_ended ? 0 : status;
+    worst = NAME_worse(&model, status, worst);
+    return worst == NAME_ended ? 0 : worst;
 }
 #endif

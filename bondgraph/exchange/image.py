@@ -60,6 +60,8 @@ _SENTENCES = {
     instance.SINGULAR: "The mechanism comes to a singular pose: its constraints depend on each other there, and it may go on in several ways.",
     instance.OPEN: "The loops of the mechanism are not closed with these values: set the starts of all its states so that they are.",
     instance.NO_SOLUTION: "An algebraic loop has no solution near the last one.",
+    instance.NO_TRUTH: "What a condition compares has no value: a root or a logarithm of a negative number, say.",
+    instance.MISSED_RATES: "A step has missed rates: a law is so steep, as a root at zero, that its slope tells nothing of where the solution is.",
     instance.ENDED: "An event has ended the run.",
 }  # fmt: skip
 MESSAGES = tuple(_SENTENCES.get(number, "") for number in range(instance.LIMITS))

@@ -190,6 +190,17 @@ def test_what_cannot_go_on_has_a_status(tmp_path: Path) -> None:
     table = "plain model A { parameter b = 1\n signal x = integral(1, 0)\n output y = linear(x, (0, b, 3), (0, 1, 2)) }"
     code = bondgraph.load(table).compile("c").replace("A_defaults[] = {1.0", "A_defaults[] = {3.5")
     stepped(code, 0.1, 1.0, tmp_path, status=7)
+    lost = "plain model A { mode n = 0\n signal x = integral(1, 0)\n when x < 0.2 and sqrt(0.7 - x) > 0.1 { n = 1 }\n when log(1.45 - x) > 1 { n = 2 }\n output y = n }"
+    assert len(stepped(bondgraph.load(lost).compile("c"), 0.1, 2.0, tmp_path, status=6)["y"]) == 16
+
+
+@needs_compiler
+def test_a_limit_that_holds_again_at_the_end_is_told(tmp_path: Path) -> None:
+    text = "plain model A { signal x = integral(cos(time), 0)\n require x < 0.5\n output y = x }"
+    (tmp_path / "model.c").write_text(bondgraph.load(text).compile("c"), encoding="utf-8")
+    subprocess.run([COMPILER, "-DA_MAIN", "model.c", "-o", "run", "-lm"], cwd=tmp_path, check=True)
+    done = subprocess.run([str(tmp_path / "run"), "0.1", "4"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr, len(done.stdout.splitlines())) == (4, "A: status 4 at 0.6 s\n", 42)
 
 
 def test_what_other_compilers_warn_of_is_not_there() -> None:

@@ -69,6 +69,7 @@ int main(int count, char **words)
     return 0;
 }
 """
+VOLUME = "Sf s : f = sin(3*time)\n C t : e = q\n R v : f = e/(e^2 + 1e-60)^0.375 + 1e-30*max(e, 0)\n s -> 0(t, v)\n output y = t.e"
 
 
 def rows_of(folder: Path, source: str, *more: str) -> list[str]:
@@ -107,6 +108,27 @@ def test_a_ball(tmp_path: Path) -> None:
     assert [row[0] for row in told[18:]] == ["3", "1", "3"]
     for row, words in zip(told[18:], ("not the time", "`height < 2 m` (line 11)", "not finite"), strict=True):
         assert words in row[1], row
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("lines", "status", "rows", "words"),
+    [
+        ('require x < 0.5 "low"\n output y = x', 1, 5, "`x < 0.5` (line 3) does not hold any more. (1 s)"),
+        ("output y = sqrt(0.8 - x)", 3, 1, "not finite. (1 s)"),
+        (VOLUME, 1, 5, "has missed rates"),
+    ],
+)  # fmt: skip
+def test_what_a_program_tells(lines: str, status: int, rows: int, words: str, tmp_path: Path) -> None:
+    """It ended in silence where an output has no value, and where a limit that it had left held again at the end."""
+    model = bondgraph.load(
+        f"plain model P {{\n signal x = integral(cos(time), 0)\n {lines}\n experiment e {{ simulate 0 .. 4 {{ points = 5, rtol = 1e-3 }} }}\n}}"
+    )
+    (tmp_path / "p.c").write_text(model.compile("c", steps="variable", experiment="e"))
+    subprocess.run([COMPILER, "-DP_MAIN", "p.c", "-o", "p", "-lm"], cwd=tmp_path, check=True)
+    done = subprocess.run([str(tmp_path / "p")], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, len(done.stdout.splitlines())) == (status, rows + 1), done
+    assert words in done.stderr and done.stderr.count("\n") == 1
 
 
 @pytest.mark.few(0)

@@ -21,6 +21,7 @@ ENDLESS = {
     "rounding of terms that cancel": "plain model A { mode n = 0\n signal x = integral(y, 0), y = integral(-x, 1)\n when (x + y)^2 - x^2 - y^2 - 2*x*y > 0 { n = n + 1 }\n output a = n }",
     "Events accumulate": BALL.replace(" if -e*mass.v >= v_min else 0 [m/s]", "").replace("1 if -e*mass.v >= v_min else 0", "1"),
     "cause each other": CHAIN.replace("when u > 1", "when x > 2.5 and b > 0").replace("b = -x }", "b = -1 }\n when x > 2.5 and b < 0 { b = 1 }"),
+    "compares has no value": "plain model A { mode n = 0\n signal x = integral(1, 0)\n when x < 0.2 and sqrt(0.7 - x) > 0.1 { n = 1 }\n when sqrt(1.5 - x) > 2 { n = 2 }\n output a = n }",
     "set one quantity": CHAIN.replace("when u > 1", "when x > 2.5 { b = 7 }\n when 2*x > 5"),
     "neither hold nor fail": BALL.replace("weight -> body -> mass", "R f : F = 20 N*sign(v)\n weight -> body -> mass, f").replace("1 kg*v\n", "1 kg*v { start v = 5 [m/s] }\n"),
 }  # fmt: skip

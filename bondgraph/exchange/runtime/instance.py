@@ -20,8 +20,9 @@ REQUIREMENT, TABLE, START = 0, 1, 2  # kinds of limits
 (
     SAID_NOTHING, NO_VALUE, NOT_NOW, TOO_MANY_STEPS, NO_STEP, NOT_FINITE, WRONG_TIME, NO_SLOPE,
     SLIDES, WITHOUT_END, PILED_UP, SET_TWICE, WRONG_SAMPLING, ENDED, CROWDED, SINGULAR, OPEN, NO_SOLUTION,
+    NO_TRUTH, MISSED_RATES,
     LIMITS,  # and on: each limit of the model
-) = range(19)  # fmt: skip
+) = range(21)  # fmt: skip
 
 
 class EventData(Record):
@@ -56,6 +57,8 @@ class EventData(Record):
     sampling: Floats = sized(5, "sample_count")  # period, offset, delay, jitter, seed
     number: Floats = sized("sample_count")  # of the next tick
     triggers: Floats = sized("event_count")
+    other_triggers: Floats = sized("event_count")  # with another truth of a condition
+    other_roots: Floats = sized("root_count")
     was_true: Ints = sized("event_count")
     due: Ints = sized("event_count")
     acts: Ints = sized("event_count")
@@ -125,6 +128,8 @@ class FmuInstance(Record):
     right: Floats = sized("n")
     rates: Floats = sized("n")
     outputs: Floats = sized("output_count")
+    other_rates: Floats = sized("n")  # with another truth of a condition
+    other_outputs: Floats = sized("output_count")
     instants: Floats = sized("instant_count")
     recurring_count: int
     recurring: Floats = sized("recurring_count")  # value at time 0 and slope of functions that jump at integers

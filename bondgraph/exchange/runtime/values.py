@@ -6,6 +6,7 @@ from math import isfinite
 
 from compiler.api import Bytes, Floats, ShortInts
 
+from ...simulation.phases.notes import MISSED
 from .conditions import indicate
 from .constraints import complete, connect, factorise_slopes, put_assembled, spread
 from .events import start_modes
@@ -15,7 +16,9 @@ from .instance import (
     INITIALIZING,
     INSTANTIATED,
     LIMITS,
+    MISSED_RATES,
     NO_SLOPE,
+    NO_TRUTH,
     NO_VALUE,
     NOT_FINITE,
     NOT_NOW,
@@ -27,7 +30,7 @@ from .instance import (
     FmuInstance,
     refused,
 )
-from .segment import enter_segment, forget, inside, near_ticks, place_ticks, tick
+from .segment import INFINITE, enter_segment, forget, inside, near_ticks, place_ticks, tick
 
 
 def settle(s: FmuInstance) -> None:
@@ -317,16 +320,67 @@ def row_of(s: FmuInstance, place: int) -> int:
 
 
 def check_limits(s: FmuInstance) -> int:
-    """Look at the limits of the model at the current values."""
+    """Look at the limits of the model at the current values, and at what a run tells of conditions and rates."""
     settle(s)
     w = s.solver
-    if w.limit_count == 0:
-        return OK
+    answer = OK
+    for i in range(w.differential):
+        if w.missed[i] > MISSED:
+            w.missed[i] = 0.0
+            s.message = MISSED_RATES
+            answer = WARNING
+    if w.limit_count + w.root_count == 0:
+        return answer
     failed = complete(s)
-    if failed != OK:
-        return failed
+    if failed == OK and w.root_count > 0:
+        failed = check_conditions(s)
+    if failed != OK or w.limit_count == 0:
+        return max(failed, answer)
     w.holds(inside(s), s.full, w.inputs, w.constants, w.mode, w.truth)
-    return judge_limits(s, inside(s), s.full)
+    return max(judge_limits(s, inside(s), s.full), answer)
+
+
+def check_conditions(s: FmuInstance) -> int:
+    """Refuse a condition without a value where something reads it: what a root of -1 is compared with would count as false."""
+    w = s.solver
+    roots = s.events.conditions.root
+    w.roots(inside(s), s.full, w.inputs, w.constants, w.mode, roots)
+    for j in range(w.root_count):
+        if not roots[j] <= INFINITE and decides(s, j):
+            return refused(s, NO_TRUTH)
+    return OK
+
+
+def decides(s: FmuInstance, j: int) -> bool:
+    """Return True if anything reads a condition: one beside it may leave it without effect."""
+    e = s.events
+    w = s.solver
+    differing = 0
+    for compares in range(2):
+        place = e.conditions.places[j]
+        w.mode[place] = 1.0 - w.mode[place]
+        forget(s)
+        find_rates(s)
+        find_outputs(s)
+        w.roots(inside(s), s.full, w.inputs, w.constants, w.mode, e.conditions.root)
+        if e.event_count > 0:
+            e.find_triggers(s.time, s.full, w.inputs, w.constants, w.mode, e.triggers)
+        differing += set_aside(s.rates, w.n, s.other_rates, compares)
+        differing += set_aside(s.outputs, s.output_count, s.other_outputs, compares)
+        differing += set_aside(e.triggers, e.event_count, e.other_triggers, compares)
+        differing += set_aside(e.conditions.root, w.root_count, e.other_roots, compares)
+    return differing > 0
+
+
+def set_aside(values: Floats, count: int, aside: Floats, compares: int) -> int:
+    """Copy values, or return how many differ from those that were copied."""
+    differing = 0
+    for i in range(count):
+        if compares == 0:
+            aside[i] = values[i]
+        elif aside[i] != values[i] and (aside[i] <= INFINITE or values[i] <= INFINITE):
+            differing += 1
+    return differing
 
 
 def judge_limits(s: FmuInstance, time: float, state: Floats) -> int:

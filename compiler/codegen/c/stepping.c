@@ -165,6 +165,27 @@ static void NAME_settle(struct NAME_model *model)
     }
 }
 
+/* Whether each condition that rates, outputs, events or other conditions read has a value. */
+static int NAME_compares(struct NAME_model *model)
+{
+    double root[NAME_n_conditions + 1] = {0}, roots[2][NAME_n_conditions + 1] = {{0}}, rate[2][NAME_n_states + 1] = {{0}};
+    double value[2][NAME_n_outputs + 1] = {{0}}, truth[2][NAME_n_events + 1] = {{0}};
+    int i, k, fine = 1;
+    @roots@(model->time, model->state, model->inputs, model->constants, model->mode, root);
+    for (i = 0; i < NAME_n_conditions; i++) {
+        for (k = 0; k < 2 && isnan(root[i]); k++) {
+            model->mode[NAME_places[i]] = 1.0 - model->mode[NAME_places[i]];
+            NAME_derivative(model->time, model->state, model->inputs, model->constants, model->mode, rate[k]);
+            NAME_output(model->time, model->state, model->inputs, model->constants, model->mode, value[k]);
+            @triggers@(model->time, model->state, model->inputs, model->constants, model->mode, truth[k]);
+            @roots@(model->time, model->state, model->inputs, model->constants, model->mode, roots[k]);
+        }
+        fine &= !isnan(root[i]) || !(NAME_differs(rate[0], rate[1], NAME_n_states) || NAME_differs(value[0], value[1], NAME_n_outputs)
+            || NAME_differs(truth[0], truth[1], NAME_n_events) || NAME_differs(roots[0], roots[1], NAME_n_conditions));
+    }
+    return fine;
+}
+
 /* What the events that act set, all from the values before; `late`: of blocks whose delay is zero, after the others. */
 static int NAME_set(struct NAME_model *model, const int *acts)
 {
@@ -334,6 +355,7 @@ int NAME_step(struct NAME_model *model, const struct NAME_inputs *in, struct NAM
     int i, status;
 @inputs_in@
     status = NAME_instant(model);
+    status = status == NAME_fine && !NAME_compares(model) ? NAME_not_finite : status;
     NAME_output(model->time, model->state, model->inputs, model->constants, model->mode, value);
     NAME_holds(model->time, model->state, model->inputs, model->constants, model->mode, holds);
     for (i = 0; i < NAME_n_outputs && status == NAME_fine; i++) {
@@ -362,7 +384,7 @@ int main(int count, char **words)
     struct NAME_inputs in;
     struct NAME_outputs out;
     const double step = count > 1 ? (double)strtod(words[1], 0) : 1e-3, end = count > 2 ? (double)strtod(words[2], 0) : 1.0;
-    int i, k, status;
+    int i, k, status, left = NAME_fine;
     NAME_defaults_of(&in);
     status = NAME_init(&model, NAME_defaults, (double)step);
     printf("time");
@@ -372,13 +394,18 @@ int main(int count, char **words)
     printf("\n");
     for (k = 0; (double)k * step <= end + 0.5 * step && (status == NAME_fine || status == NAME_beyond_limit); k++) {
         status = NAME_step(&model, &in, &out);
+        if (status == NAME_beyond_limit && left == NAME_fine) {
+            left = status;
+            fprintf(stderr, "NAME: status %d at %.9g s\n", status, (double)k * step);
+        }
         printf("%.17g", (double)k * step);
     @printed@
         printf("\n");
     }
-    if (status != NAME_fine) {
+    if (status != NAME_fine && status != NAME_beyond_limit) {
+        left = status;
         fprintf(stderr, "NAME: status %d at %.9g s\n", status, (double)model.time);
     }
-    return status;
+    return left;
 }
 #endif
