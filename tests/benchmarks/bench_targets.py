@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks targets
 
-writes results/targets.md. Times are processor times (others may use the machine), except where the table says otherwise.
+writes results/targets.md, and keeps the remarks below its table. Times are processor times (others may use the machine), except where the table says otherwise.
 """
 
 from __future__ import annotations
@@ -324,7 +324,9 @@ def main(names: Sequence[str] = ()) -> None:
     if names:  # some parts are shown, all of them are kept
         print("\n".join(lines))
         return
-    (RESULTS / "targets.md").write_text("\n".join(lines), encoding="utf-8")
+    place = RESULTS / "targets.md"
+    before = place.read_text(encoding="utf-8") if place.exists() else ""
+    place.write_text("\n".join(lines) + before.partition(f"{lines[-2]}\n")[2], encoding="utf-8")
     print("\n".join(lines))
 
 
