@@ -177,7 +177,7 @@ _ROWS = (
     Operator("sign", _sign, (lambda f, y, x: 0.0,), units="ratio", course="jumping", smooth=False, broad=True),
     Operator("floor", lambda x: float(math.floor(x)), (lambda f, y, x: 0.0,), course="jumping", smooth=False, broad=True, llvm="llvm.floor.f64"),
     Operator("ceil", lambda x: float(math.ceil(x)), (lambda f, y, x: 0.0,), course="jumping", smooth=False, broad=True, sympy="ceiling", llvm="llvm.ceil.f64"),
-    Operator("min", min, arity=2, units="same", usage="min(a, b)", smooth=False, broad=True, sympy="Min", numpy="np.minimum", c="least",
+    Operator("min", min, arity=2, units="same", usage="min(a, b)", smooth=False, broad=True, sympy="Min", numpy="np.minimum", c="lesser",
         partials=(lambda f, y, a, b: f("select", f("less", a, b), 1.0, 0.0), lambda f, y, a, b: f("select", f("less", a, b), 0.0, 1.0)),
     ),
     Operator("max", max, arity=2, units="same", usage="max(a, b)", smooth=False, broad=True, sympy="Max", numpy="np.maximum", c="greatest",

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 import bondgraph
 from bondgraph.commands import commands
 from bondgraph.errors import UsageError
+from compiler.codegen.c import write
 from tests.compiling import MODELS
 
 pytestmark = pytest.mark.machine_code
@@ -89,6 +90,10 @@ def test_a_ball(tmp_path: Path) -> None:
     words = [str(tmp_path / "ball.bg"), "--steps", "variable", "-e", "fall", "-o", str(tmp_path / "ball.c")]
     done = CliRunner().invoke(commands, ["compile", *words])
     assert done.exit_code == 0, done.output
+    code = (tmp_path / "ball.c").read_text()
+    functions = re.findall(r"^(?:static )?(?:inline )?\w+ \*?(\w+)\(", code + write._OWN, re.MULTILINE)
+    variables = re.findall(r"^\s+(?:struct )?\w+ \*?(\w+)(?: = [^;]*)?;", code, re.MULTILINE)
+    assert len(functions) > 100 and len(variables) > 500 and not {*functions} & {*variables}  # what cppcheck warns of
     lines = rows_of(tmp_path, "main.c")
     ours = bondgraph.load(BALL).simulate("fall")
     table = np.array([[float(x) for x in row.split(",")] for row in lines[1 : 1 + len(ours.time)]]).T

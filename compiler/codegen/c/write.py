@@ -33,7 +33,7 @@ ARGUMENTS = (
     "double time, const double *state, const double *inputs, const double *constants, const double *mode, double *out"
 )
 _OWN = """static inline double chosen(int condition, double value, double otherwise) { return condition ? value : otherwise; }
-static inline double least(double a, double b) { return a <= b || a != a ? a : b; }
+static inline double lesser(double a, double b) { return a <= b || a != a ? a : b; }
 static inline double greatest(double a, double b) { return a >= b || a != a ? a : b; }
 static inline double sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x == 0 ? 0.0 : x; }
 """
