@@ -84,7 +84,10 @@ class BranchLine:
 
     def _reason(self, place: BranchPlace) -> str | None:
         """Return why the branch ends before a place; "" where only conditions of laws are others there, None where all is as assumed."""
-        left = place.point.left
+        try:
+            left = place.point.left
+        except RunFailed as outside:  # a table ends
+            return f"the model does not hold beyond: {str(outside).partition(';')[0]}"
         if left:
             return f"the model does not hold beyond: {left[0].words_at_rest}"
         mode, acting = place.point.acting

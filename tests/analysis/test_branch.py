@@ -248,6 +248,14 @@ def test_a_branch_ends_where_the_model_becomes_another_one(rate: str, more: str,
     assert found.values[-1] == pytest.approx(end, rel=1e-8) and words in found.ended
 
 
+@pytest.mark.parametrize(("last", "end", "words"), [(1.49, 1.49, "leaves the range"), (3.0, 1.5, "the table `linear(…)` of `x`")])  # fmt: skip
+def test_a_branch_goes_to_the_end_of_a_table(last: float, end: float, words: str) -> None:
+    """A step that went beyond it refused the whole branch."""
+    found = along("a - linear(x, (-9, 1.5), (-9, 1.5))").continuation("a", 0.0, last)
+    assert found["y"] == pytest.approx(found.values, abs=1e-12)
+    assert found.values[-1] == pytest.approx(end, rel=2e-5) and words in found.ended
+
+
 def test_what_an_event_counts_ends_no_branch() -> None:
     """A mode that no rate reads; and friction that sticks, up to its limit."""
     found = along("a - x", "mode n = 0\n when x > 0.8 { n = n + 1 }").continuation("a", 0.0, 3.0)
