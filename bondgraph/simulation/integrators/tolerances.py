@@ -8,7 +8,6 @@ import numpy as np
 
 INFINITE = float("inf")
 EPSILON = float(np.finfo(float).eps)
-ROUNDING = 10.0 * EPSILON  # relative to a state: least error at which an iteration ends
 ASIDE = 1e-9  # relative change of a state that shows the rounding of rates: their curvature within it is less
 STAGNANT, MOST_STAGNANT = 10.0, 0.3  # in units of rounding, and of the tolerance: changes below both are rounding
 AMPLIFIED = 1e6  # in units of its own rounding: largest error of a state by rounding of others
@@ -29,7 +28,7 @@ def allowed_estimate(relative: float) -> float:
 
 def newton_tolerance(relative: float, share: float) -> float:
     """Return the remaining error of an iteration, in units of a tolerance; `share`: factor on it."""
-    return max(ROUNDING / relative, share * min(0.03, sqrt(relative)))
+    return max(10.0 * EPSILON / relative, share * min(0.03, sqrt(relative)))
 
 
 def creeping_tolerance(relative: float) -> float:

@@ -48,7 +48,6 @@ NODES = (0.0, *C[:LEAST])  # fractions of a step at which kinks are searched, at
 UNSOLVED, SOLVED, ROUNDED, NEARLY = radau.UNSOLVED, radau.SOLVED, radau.ROUNDED, radau.NEARLY
 UNCONVERGED, MOST_SOLVING, DAMPED = radau.UNCONVERGED, radau.MOST_SOLVING, radau.DAMPED
 BENT, MOST_BENDS, NEAR, INFINITE = radau.BENT, radau.MOST_BENDS, radau.NEAREST, tolerances.INFINITE
-ROUNDING = tolerances.ROUNDING
 # Of variable order. Factors on the allowed error of the iteration: the guess of a long step errs in smooth directions, so the first contraction is better
 # than the next.
 TIGHT = (0.05, 0.01, 0.01)
@@ -244,7 +243,6 @@ def solve_stages(s: IntegratorWorkspace, size: float) -> int:
     if has_loops(s):
         put_terms(s, s.state)
     tight = 1.0 if THROUGH_ENDS[s.method] != 0 else TIGHT[(stages - LEAST) // 2]
-    least = ROUNDING / s.relative
     for iteration in range(most):
         if not correct_stages(s, size):
             return 0
@@ -264,7 +262,7 @@ def solve_stages(s: IntegratorWorkspace, size: float) -> int:
             s.w[i] += s.change[i]
         combine_stages(n, stages, T, s.w, s.z)
         first = s.last_size == 0.0 and iteration + 1 < most
-        allowed = max(tight * (s.first_newton_tolerance if first else s.newton_tolerance), least)
+        allowed = tight * (s.first_newton_tolerance if first else s.newton_tolerance)
         if has_converged(s, norm, last, allowed, stages):
             return iteration + 1
         last = norm
