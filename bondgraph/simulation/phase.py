@@ -34,7 +34,7 @@ from .phases.notes import phase_doubts, phase_notes
 from .phases.run_program import RunProgram
 from .phases.solution import PhaseSolution, phase_energy
 from .phases.start import PhaseInitialization, StartOfPhase, settled_with_history
-from .phases.tolerances import MagnitudeSearch, PhaseMagnitudes, given_tolerances
+from .phases.tolerances import MagnitudeSearch, PhaseMagnitudes, given_tolerances, put_thresholds
 from .segments.run_values import run_values
 from .segments.timeline import Timeline, aligned, rest_of, timeline_in_parts
 from .segments.trajectory import PhaseTransition, Tolerances, Trajectory, empty
@@ -221,6 +221,8 @@ class Phase:
             absolute[len(self.program.states.names) + place] = np.inf
         for index, value in self.shared.given.items():
             absolute[index], held[index] = value, True
+        if self.events is not None and len(self.events.places) and not self.constraints:
+            put_thresholds(self.events, self.stretches[0].start, self.stretches[0].mode, magnitude, absolute, rtol)
         guessed = np.array([n in self.guessed for n in self.program.variables.names], dtype=bool)
         self.shared.tolerances = Tolerances(rtol, absolute, magnitude, held, guessed)
         return self.shared.tolerances

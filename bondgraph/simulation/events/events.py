@@ -29,6 +29,7 @@ LEFT = OFTEN  # times in a row that an event makes its condition false before it
 SHRUNK = 1e-2  # fraction of the longest interval between events: a shorter one shows that they accumulate
 BEYOND = 2  # in units of the rounding of a root: a crossing that the flow contradicts counts from there on
 TIGHTER = 1e-3  # factor on the tolerance of a run that does not resolve a condition
+ALIKE_LAWS = 1e-3  # relative difference of two laws at a condition: less is none
 ALIKE = 4  # largest quotient of the factors by which the intervals between accumulating events shrink
 POLE = 1e3  # ratio of the rounding of a root to that a little later: it is at a pole
 
@@ -171,6 +172,17 @@ class Events(EventIndicators):
         reads = hybrid.triggers, hybrid.actives, hybrid.roots, program.derivative, program.output
         here, there = ([read(at.time, at.state, *fixed, mode) for read in reads] for mode in (at.mode, other))
         return not all(np.array_equal(a, b, equal_nan=True) for a, b in zip(here, there, strict=True))
+
+    def jumps(self, number: int, time: float, state: Array, mode: Array) -> bool:
+        """Return True if what happens, a rate or an output jumps where a condition changes: else a tolerance decides on nothing."""
+        other, fixed = mode.copy(), (self.inputs, self.constants)
+        other[self.places[number]] = 1.0 - other[self.places[number]]
+        program, hybrid = self.program, self.hybrid
+        reads = hybrid.triggers, hybrid.actives, program.derivative, program.output
+        here, there = ([np.asarray(read(time, state, *fixed, m)) for read in reads] for m in (mode, other))
+        return not all(
+            np.allclose(a, b, rtol=ALIKE_LAWS, atol=0, equal_nan=True) for a, b in zip(here, there, strict=True)
+        )
 
     def _hold_slow(self, changed: IntArray) -> None:
         """Keep changed conditions that are in doubt even so, as no look ahead shows them, until they are beyond the tolerance."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import UsageError
+from ...errors import RunFailed, UsageError
 from ...results.records import ToleranceDoubt
 from ..constraints.constraints import Constraints
 from ..integrators.pilot.schedule import Conditions
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
     from ..events.events import Events
 
+HIDDEN = 1000.0  # in units of an absolute tolerance: a threshold below that is hidden by it
+DECADES = 10.0 ** -np.arange(20)  # parts of it, at which a threshold is looked for
 OVERSHOT = 10.0  # ratio to the largest values of a run through the events: more, in a mode before one, is no magnitude
 
 
@@ -49,6 +52,33 @@ def given_tolerances(plan: Plan, program: Program, facts: RunMetadata) -> dict[i
             value /= abs(factor)
         result[index] = min(value, result.get(index, value))
     return result
+
+
+def put_thresholds(events: Events, time: float, mode: Array, magnitude: Array, tolerances: Array, rtol: float) -> None:
+    """Lower absolute tolerances that hide a threshold: those of states with which a condition changes something between zero and a few of them."""
+    count, size = events.count, len(magnitude)
+    reach = HIDDEN * tolerances[:count]
+
+    def signs(states: Array) -> Any:
+        times = np.full(len(states), time)
+        with suppress(RunFailed):  # loops may have no solution there
+            states = events.loops.solve_all(times, states, mode)
+        return np.nan_to_num(np.sign(events.roots(times, states, mode)))
+
+    box = magnitude + np.concatenate(
+        [(x - magnitude[:count])[:, None] * np.eye(count, size) for x in (0, reach, -reach)]
+    )
+    at_zero, *beside = signs(box).reshape(3, count, -1)
+    hidden = (at_zero != 0) & ((beside[0] == -at_zero) | (beside[1] == -at_zero))
+    for state, number in zip(*hidden.nonzero(), strict=True):
+        sign = -at_zero[state, number]
+        tried = np.tile(magnitude, (len(DECADES), 1))
+        tried[:, state] = (1 if beside[0][state, number] == sign else -1) * reach[state] * DECADES
+        least = tried[(signs(tried)[:, number] == sign).nonzero()[0][-1]]
+        if events.jumps(number, time, least, mode):
+            share = min(1.0, rtol * abs(least[state]) / tolerances[state])
+            tolerances[state] *= share
+            tolerances[count:] *= share  # unknowns may be all that it is read through
 
 
 @dataclass(frozen=True, slots=True)
