@@ -144,3 +144,22 @@ def test_a_linear_model_that_runs_away_has_its_rest() -> None:
             bondgraph.load(
                 f"plain model A {{ signal x = integral({first}, 0)\n signal y = integral({second}, 0)\n output o = y }}"
             ).equilibrium()
+
+
+TABLE = "monotone(q, (0.636, 0.655, 1.476, 1.519, 1.979), (-1.313, -0.204, -0.154, 2.56, 2.85))"
+
+
+@pytest.mark.parametrize("law", [TABLE, "min(max(0.06*q, 66*q - 66), 2.9)"])
+def test_a_law_that_is_straight_beyond_an_end_is_no_stair_of_rounding(law: str) -> None:
+    """The way of a correction led beyond, where few rates differ, and the start, which nothing holds, was told as a stable rest."""
+    model = bondgraph.load(
+        f"plain model A {{ parameter x0 = 0.3\n Se s : e = 0.607\n C c : e = {law} {{ start q = x0 }}\n R r : e = f\n I m : p = f\n s -> 1(c, r, m)\n output z = c.e }}"
+    )
+    for start in (0.3, 0.4, 0.8, 0.933, 0.94):
+        if "monotone" in law and start < 0.7:
+            continue
+        try:
+            found = model.equilibrium(settings={"x0": start})
+        except RunFailed:
+            continue
+        assert found["z"] == pytest.approx(0.607, rel=1e-6)

@@ -353,7 +353,12 @@ class EquilibriumSearch:
             return False
         way = np.concatenate([change, np.zeros(len(full) - self.count)])
         rates = np.array([self.at(full + share * way)[1] for share in np.linspace(0.0, 2.0, 4 * FEW)])
-        return all(len(np.unique(row)) <= FEW for row in rates.T[slope != 0])
+        if not np.isfinite(rates).all():
+            return False
+        counts = [np.unique(row, return_counts=True)[1] for row in rates.T[slope != 0]]
+        return all(
+            len(often) <= FEW and often.min() > 1 for often in counts
+        )  # a law with ends has one value once, and few beyond
 
     def not_finite(self, slope: Array, full: Array) -> RunFailed:
         """Return the error for rates that are not finite where the search begins."""
