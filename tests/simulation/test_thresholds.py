@@ -43,3 +43,10 @@ def test_a_guard_of_a_law_costs_no_steps() -> None:
     )
     runs = [bondgraph.load(text.format(least=least)).simulate(to="20 s", solver="radau") for least in ("1e-9", "1e-30")]
     assert runs[0].steps <= runs[1].steps + 2
+
+
+def test_conditions_of_a_model_without_states() -> None:
+    """A loop alone has nothing whose tolerance could hide a threshold."""
+    text = "plain model Loop { signal s = 2*sin(time)\n MSe a : e = s\n R r : e = (f + f^3 if f > 1e-9 else f)\n a -> r\n output f = r.f }"
+    run = bondgraph.load(text).simulate(to="3 s", points=4)
+    np.testing.assert_allclose(run["f"] + np.fmax(run["f"], 0) ** 3, 2 * np.sin(run.time), atol=1e-9)

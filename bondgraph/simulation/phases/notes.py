@@ -34,7 +34,7 @@ TRIES = (1.0, -1.0, 0.5, -0.5, 0.25, -0.25)  # parts of it: rounding has the rig
 FAINT = 1e-12  # of the largest terms of the equations: a smaller change may be below rounding
 SHOWN = 0.5  # of what the slopes promise: less, or none, or the other sign, is rounding
 MOVED = 1e-2  # of that change: an output that moves by more of its size depends on the unknown
-SURE, BLURRED = 4.0, 300.0  # in units of the rounding of a root: one is told that is larger, but nowhere by more
+SURE, BLURRED = 4.0, 1000.0  # in units of the rounding of a root: one is told that is larger, but nowhere by more
 MISSED = 30.0  # tolerances by which rates that a step has missed would move a state, from which a run warns
 
 
@@ -108,7 +108,7 @@ def phase_doubts(
 
 
 def doubts_on_conditions(solution: PhaseSolution, events: Events) -> list[ToleranceDoubt]:
-    """Return a warning on each condition that the flow has contradicted and that is at most a few hundred times its rounding in the whole phase."""
+    """Return a warning on each condition that the flow has contradicted and that is at most a thousand times its rounding in the whole phase."""
     from ..integrators.acceptance.event_indicators import NOISE
 
     times, states = solution.instants[: len(solution.trajectory.states)], solution.trajectory.states

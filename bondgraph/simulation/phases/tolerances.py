@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ..events.events import Events
 
 HIDDEN = 1000.0  # in units of an absolute tolerance: a threshold below that is hidden by it
+LARGEST = 256  # number of states of models whose thresholds are looked for
 DECADES = 10.0 ** -np.arange(20)  # parts of it, at which a threshold is looked for
 OVERSHOT = 10.0  # ratio to the largest values of a run through the events: more, in a mode before one, is no magnitude
 
@@ -57,6 +58,8 @@ def given_tolerances(plan: Plan, program: Program, facts: RunMetadata) -> dict[i
 def put_thresholds(events: Events, time: float, mode: Array, magnitude: Array, tolerances: Array, rtol: float) -> None:
     """Lower absolute tolerances that hide a threshold: those of states with which a condition changes something between zero and a few of them."""
     count, size = events.count, len(magnitude)
+    if not 0 < count <= LARGEST:
+        return
     reach = HIDDEN * tolerances[:count]
 
     def signs(states: Array) -> Any:
