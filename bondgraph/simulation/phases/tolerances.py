@@ -66,7 +66,8 @@ def put_thresholds(events: Events, time: float, mode: Array, magnitude: Array, t
         times = np.full(len(states), time)
         with suppress(RunFailed):  # loops may have no solution there
             states = events.loops.solve_all(times, states, mode)
-        return np.nan_to_num(np.sign(events.roots(times, states, mode)))
+        roots = events.roots(times, states, mode)
+        return np.where(np.isfinite(roots), np.sign(roots), 0.0)  # zero is no threshold of what has a pole there
 
     box = magnitude + np.concatenate(
         [(x - magnitude[:count])[:, None] * np.eye(count, size) for x in (0, reach, -reach)]
