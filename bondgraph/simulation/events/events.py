@@ -73,9 +73,8 @@ class Events(EventIndicators):
         # first instant, s, at which a condition that only events read comes within rounding of its threshold
         self.touches: dict[int, float] = {}
         self.infinite: dict[int, HybridState] = {}  # first state at which a condition that decides something is so
-        self.blurs: dict[
-            int, tuple[float, float]
-        ] = {}  # last instant at which the flow has contradicted each, and its rounding there
+        # last instant, s, at which the flow has contradicted each condition, and the rounding of its root there
+        self.blurs: dict[int, tuple[float, float]] = {}
         self.again = 0  # times in a row that the flow has contradicted a zero crossing
 
     @property
