@@ -13,7 +13,7 @@ OF_ONE = [row for row in OPERATORS.values() if row.arity == 1 and row.kind == "f
 def test_names_that_differ_from_the_language() -> None:
     differ = {name: row.in_c for name, row in OPERATORS.items() if row.in_c != name}
     assert differ == {
-        "power": "pow", "abs": "fabs", "min": "least", "max": "greatest", "select": "chosen",
+        "power": "pow", "abs": "fabs", "min": "lesser", "max": "greatest", "select": "chosen",
         "less": "<", "less_equal": "<=", "equal": "==", "and": "&&", "or": "||", "not": "!",
     }  # fmt: skip
     assert OPERATORS["asin"].in_numpy == "np.arcsin" and OPERATORS["sin"].in_numpy == "np.sin"
