@@ -16,7 +16,7 @@ SHARE_OF_BARE_ANY = {"bondgraph": 0.02, "compiler": 0.018}
 CLASSES_OF_ONE_NAME = 0
 DOCSTRINGS_THAT_OPEN_WITH_A_QUESTION = 0
 VAGUE_LOCALS = 1113
-LINES = 112_746
+LINES = 112_751
 
 
 @pytest.mark.parametrize("package", structure.PACKAGES)

@@ -6,7 +6,7 @@ from compiler.api import Certificate, Compilation, Diagnostic
 
 from ..text.causality import explain
 from ..text.tables import counted, some_of
-from .markup import Html, joined, table, tag, text
+from .markup import Html, joined, preformatted, table, tag, text
 
 ROWS = 400
 
@@ -77,5 +77,5 @@ def _problem(item: Diagnostic) -> Html:
     head = tag("p", tag("strong", place), f": {item.sentence} ", tag("small", item.code))
     line = span.source.line(span.line)[:200]
     mark = " " * (span.column - 1) + "^" * max(1, min(span.end - span.start, len(line) - span.column + 1))
-    excerpt = tag("pre", line, text("\n"), tag("span", mark[:201], class_="mark"))
+    excerpt = preformatted(line, text("\n"), tag("span", mark[:201], class_="mark"))
     return tag("li", head, excerpt, *([tag("p", item.help, class_="advice")] if item.help else []))

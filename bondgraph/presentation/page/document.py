@@ -39,7 +39,7 @@ from ..text.tables import end_name, visible
 from .certificate import causality_markup, certificate_markup
 from .equations import equations_markup
 from .experiments import PROBLEMS, experiment_data
-from .markup import Html, joined, tag
+from .markup import Html, joined, preformatted, tag
 from .runs import PageModel, packed
 
 LARGEST = 300  # most nodes: a larger drawing takes half a minute and is not readable
@@ -163,7 +163,7 @@ def _or_problem(made: Callable[[], Html]) -> Html:
     try:
         return made()
     except (CompilationFailed, UsageError, RunFailed) as problem:
-        return tag("pre", str(problem))
+        return preformatted(str(problem))
 
 
 @dataclass(frozen=True, slots=True)

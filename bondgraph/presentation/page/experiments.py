@@ -19,7 +19,7 @@ from ...results.result import Result
 from ...simulation.run_options import RunRequest
 from ...studies.experiment import run
 from ..text.tables import short, shown_unit, visible
-from .markup import Html, table, tag
+from .markup import Html, preformatted, table, tag
 from .runs import OUTPUTS, PageModel, packed, run_data
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def beside_run(watched: PageModel, name: str, settings: Mapping[str, float] | No
     """Return in words what an experiment analyses beside its run."""
     if not watched.model.compilation(watched.model.scene(name)).plan.studies:
         return Html("")
-    return tag("pre", run(watched.model, RunRequest(name, settings or {})).summary())
+    return preformatted(run(watched.model, RunRequest(name, settings or {})).summary())
 
 
 def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float] | None = None) -> dict[str, Any]:
@@ -64,10 +64,10 @@ def experiment_data(watched: PageModel, name: str, settings: Mapping[str, float]
             told = Html(beside_run(watched, name, settings) + _errors(result, watched.outputs(name)) + balance)
             return {"name": name, "kind": "run", "run": run_data(watched, name, result), "told": told}
         outcome = run(watched.model, RunRequest(name, settings or {}))
-        told = tag("pre", outcome.summary())
+        told = preformatted(outcome.summary())
         return {"name": name, "kind": "told", "told": told, **outcome_plot(watched.model, outcome)}
     except PROBLEMS as problem:
-        return {"name": name, "kind": "failed", "told": tag("pre", str(problem))}
+        return {"name": name, "kind": "failed", "told": preformatted(str(problem))}
 
 
 def _errors(result: Result, names: Sequence[str]) -> Html:

@@ -40,6 +40,11 @@ def _attribute(name: str, value: str | int | bool | None) -> str:
     return f" {name}" if value is True else f' {name}="{text(str(value))}"'
 
 
+def preformatted(*inside: str) -> Html:
+    """Return text in lines as they are, in a frame that scrolls where the page is narrow."""
+    return tag("pre", *inside, tabindex=0)
+
+
 def table(rows: Iterable[Iterable[str]], head: Iterable[str] = (), **attributes: str) -> Html:
     """Return a table in a frame that scrolls where the page is narrow."""
     top = [tag("thead", tag("tr", *(tag("th", h, scope="col") for h in head)))] if head else []

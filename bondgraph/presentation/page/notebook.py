@@ -17,7 +17,7 @@ from ...rendering import Summarised
 from ...results.result import Result
 from ..text.tables import EXTREMES, extremes_shown, short, some_of
 from .certificate import problems_markup
-from .markup import Html, tag
+from .markup import Html, preformatted, tag
 
 NODES = 150  # most nodes of a picture that is drawn without a request
 ROWS = 40
@@ -33,7 +33,7 @@ def model_html(model: AnalysedModel) -> Html:
     except CompilationFailed as failed:
         return problems_markup(failed.diagnostics)
     except (UsageError, RunFailed) as problem:
-        return tag("pre", str(problem))
+        return preformatted(str(problem))
 
 
 def picture(model: AnalysedModel) -> str:
@@ -58,7 +58,7 @@ def _names(model: AnalysedModel) -> Html:
 
 def summary_html(found: Summarised) -> Html:
     """Return the tables of a result, and below them its picture where it has one and matplotlib is there."""
-    return tag("div", tag("pre", found.summary()), _plotted(found))
+    return tag("div", preformatted(found.summary()), _plotted(found))
 
 
 def _plotted(found: object) -> Html:

@@ -29,7 +29,7 @@ from ....simulation.settings import compiled_in
 from ..certificate import problems_markup
 from ..document import WORDING, Document, document_of, modes_data, text_section
 from ..experiments import PROBLEMS, beside_run, experiment_data, one_run
-from ..markup import tag
+from ..markup import preformatted, tag
 from ..runs import PageModel, run_data
 from ..shell import data_text
 from .files import models_in, path_of, save, stamp
@@ -215,7 +215,7 @@ class Session:
                 found = self.executor.within(longest, lambda: _run(loaded, experiment, settings))
             except Stopped as stopped:
                 words = f"{stopped}: no curve within {longest:g} s, or another was asked for"
-                found = {"name": experiment, "kind": "failed", "told": tag("pre", words.lstrip(": "))}
+                found = {"name": experiment, "kind": "failed", "told": preformatted(words.lstrip(": "))}
             return data_text(found | {"set": shown})
 
     def stop(self) -> str:
@@ -265,7 +265,7 @@ def _run(loaded: Loaded, experiment: str, settings: Mapping[str, float]) -> dict
             told["notes"] += _compiled_in(watched.model, experiment, settings)
         return {"name": experiment, "kind": "run", "run": told, "told": beside_run(watched, experiment, settings)}
     except PROBLEMS as problem:
-        return {"name": experiment, "kind": "failed", "told": tag("pre", str(problem))}
+        return {"name": experiment, "kind": "failed", "told": preformatted(str(problem))}
 
 
 def _compiled_in(model: AnalysedModel, experiment: str, settings: Mapping[str, float]) -> list[str]:
