@@ -37,6 +37,8 @@ def agree(printed: str, shown: str) -> bool:
     """Return True if the words are the same, and the numbers but for round-off, by which counts of evaluations differ in one of a thousand."""
 
     def close(a: str, b: str) -> bool:
+        if a[-1] == b[-1] == ",":
+            a, b = a[:-1], b[:-1]
         try:
             return a == b or math.isclose(float(a), float(b), rel_tol=1e-3 if a.isdigit() else 1e-5, abs_tol=1e-15)
         except ValueError:
